@@ -1,0 +1,194 @@
+# Scatter. `make demo` shows what it does, `make test` shows that it is right.
+#
+#   all       the programs, into build/ (the default)
+#   demo      set up, render the gallery
+#   test      set up, run every check
+#   unit      build and run all unit tests
+#   test_api  build and run one unit test; so for each of tests/test_*.c
+#   sanitize  unit tests under ASan and UBSan
+#   fuzz      libFuzzer, FUZZ_SECONDS for each of its targets
+#   bench     set up, measure speed against error
+#   glsl      renew the shared region of scatter_gl.h
+#   install   headers, pkg-config and CMake files; PREFIX=/usr/local DESTDIR=
+#
+# `make test STEPS="unit_gcc fuzz"` runs only some steps; tests/run.sh lists them.
+# Another compiler, other options, another place: make unit CC=clang CFLAGS=-O2 BUILD=build/clang
+
+BUILD = build
+CC = gcc
+CFLAGS = -O3
+WARNINGS = -pedantic -Wall -Wextra -Wconversion -Wshadow -Wundef -Wstrict-prototypes
+STRICT = -std=c99 $(WARNINGS) -D_POSIX_C_SOURCE=200809L
+COMPILE = $(CC) $(STRICT) $(CPPFLAGS) $(CFLAGS) -MMD -MP -MF $@.d -MT $@
+LINK = $(CC) $(CFLAGS)
+LIBS = -lpthread -lm
+REFERENCE_LIBS = -lgsl -lgslcblas
+MPFR_LIBS = -lmpfr -lgmp
+CMOCKA_LIBS = -lcmocka
+SETUP = bash tests/setup.sh
+FUZZ_SECONDS = 300
+PREFIX = /usr/local
+VERSION = 0.1.0
+
+PROGRAMS = scatter-render scatter-minimal scatter-sheet scatter-generate
+SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api
+FUZZERS = fuzz_scene fuzz_descriptors
+HEADERS = scatter.h scatter_gl.h
+
+.DELETE_ON_ERROR:
+.SECONDARY:
+.PHONY: all clean unit logs sanitize fuzz demo gallery test bench glsl install $(SUITES) $(FUZZERS)
+
+all: $(PROGRAMS:%=$(BUILD)/%)
+
+$(BUILD) $(BUILD)/gallery $(BUILD)/scenes $(BUILD)/fuzz:
+	mkdir -p $@
+
+clean:
+	rm -rf build
+
+# ---------------------------------------------------------------------------------- programs
+
+$(BUILD)/scatter-%: examples/%.c | $(BUILD)
+	$(COMPILE) $< -o $@ $(LIBS)
+
+$(BUILD)/scatter-generate: examples/scenes/generate.c | $(BUILD)
+	$(COMPILE) $< -o $@ $(LIBS)
+
+$(BUILD)/glsl: tests/glsl.c | $(BUILD)
+	$(COMPILE) $< -o $@ $(LIBS)
+
+$(BUILD)/%.o: tests/%.c | $(BUILD)
+	$(COMPILE) -c $< -o $@
+
+$(BUILD)/%.o: bench/%.c | $(BUILD)
+	$(COMPILE) -c $< -o $@
+
+$(BUILD)/scatter-reference: $(BUILD)/reference_main.o $(BUILD)/reference.o
+	$(LINK) $^ -o $@ $(REFERENCE_LIBS) $(LIBS)
+
+$(BUILD)/bench: $(BUILD)/bench.o $(BUILD)/reference.o
+	$(LINK) $^ -o $@ $(REFERENCE_LIBS) $(LIBS)
+
+# -------------------------------------------------------------------------------- unit tests
+
+$(BUILD)/test_core: $(BUILD)/test_core.o
+	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(MPFR_LIBS) $(LIBS)
+
+$(BUILD)/test_scene: $(BUILD)/test_scene.o
+	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(LIBS)
+
+$(BUILD)/test_%: $(BUILD)/test_%.o $(BUILD)/reference.o
+	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(REFERENCE_LIBS) $(LIBS)
+
+$(SUITES): %: $(BUILD)/%
+	$<
+
+unit: $(SUITES)
+
+# What each suite printed and how it ended, for tests/run.sh; failures are counted there.
+logs: $(SUITES:%=$(BUILD)/%.log)
+
+$(BUILD)/%.log: $(BUILD)/%
+	$< >$@ 2>&1; echo "exit status $$?" >>$@
+
+SANITIZE = -fsanitize=address,undefined -fno-sanitize-recover=all
+sanitize:
+	$(MAKE) unit CC=clang CFLAGS="-O1 -g $(SANITIZE)" BUILD=$(BUILD)/sanitize
+
+# ----------------------------------------------------------------------------------- fuzzing
+
+$(BUILD)/fuzz_%: tests/fuzz_%.c | $(BUILD)
+	clang $(STRICT) $(CPPFLAGS) -O1 -g $(SANITIZE) -fsanitize=fuzzer -MMD -MP -MF $@.d -MT $@ \
+	    $< -o $@ $(LIBS)
+
+# New inputs are kept in build/fuzz between runs, so a later run goes on where the last one ended.
+$(FUZZERS): %: $(BUILD)/% | $(BUILD)/fuzz
+	mkdir -p $(BUILD)/fuzz/$@
+	$< -max_total_time=$(FUZZ_SECONDS) -timeout=20 -rss_limit_mb=2048 -print_final_stats=1 \
+	    -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_OPTIONS) $(BUILD)/fuzz/$@ $(SEEDS_$@)
+SEEDS_fuzz_scene = examples/scenes
+
+fuzz: $(FUZZERS)
+
+# -------------------------------------------------------------------------------------- demo
+
+SCENES = $(basename $(notdir $(wildcard examples/scenes/*.scatter)))
+PICTURES = $(SCENES:%=$(BUILD)/gallery/%.png)
+
+demo:
+	$(SETUP) demo
+	$(MAKE) --no-print-directory gallery
+
+gallery: $(BUILD)/gallery/sheet.png
+	@echo "pictures: $(BUILD)/gallery, all on one sheet: $<"
+
+# A scene whose voxel file is not there makes no picture.
+$(BUILD)/gallery/%.png: examples/scenes/%.scatter $(BUILD)/scatter-render | $(BUILD)/gallery
+	@for file in $$(sed -n 's/^ *grid  *\([^ ]*\).*/\1/p' $<); do \
+	    [ -e examples/scenes/$$file ] || { echo "$*: skipped: no data ($$file)"; exit 0; }; \
+	done; \
+	echo "$*"; $(BUILD)/scatter-render $< --threads $$(nproc) --out $@
+
+$(BUILD)/gallery/sheet.png: $(BUILD)/scatter-sheet $(PICTURES)
+	$< $@ $(PICTURES)
+
+# ----------------------------------------------------------------------- checks, bench, glsl
+
+test:
+	$(SETUP) test
+	@bash tests/run.sh $(STEPS)
+
+bench:
+	$(SETUP) bench
+	$(MAKE) --no-print-directory $(BUILD)/bench
+	$(BUILD)/bench
+
+glsl: $(BUILD)/glsl
+	$< scatter.h scatter_gl.h
+
+# ----------------------------------------------------------------------------------- install
+
+# Both files find the headers relative to themselves, so an installed tree may be moved.
+define PKG_CONFIG
+prefix=$${pcfiledir}/../..
+Name: scatter
+Description: physically based fog, smoke and clouds in single headers
+Version: $(VERSION)
+Cflags: -I$${prefix}/include
+Libs: -lm
+endef
+
+define CMAKE_CONFIG
+if(NOT TARGET scatter::scatter)
+  add_library(scatter::scatter INTERFACE IMPORTED)
+  set_target_properties(scatter::scatter PROPERTIES
+    INTERFACE_INCLUDE_DIRECTORIES "$${CMAKE_CURRENT_LIST_DIR}/../../../include"
+    INTERFACE_LINK_LIBRARIES "$$<$$<NOT:$$<PLATFORM_ID:Windows>>:m>")
+endif()
+endef
+
+define CMAKE_VERSION
+set(PACKAGE_VERSION $(VERSION))
+if(PACKAGE_FIND_VERSION VERSION_GREATER PACKAGE_VERSION)
+  set(PACKAGE_VERSION_COMPATIBLE FALSE)
+else()
+  set(PACKAGE_VERSION_COMPATIBLE TRUE)
+  if(PACKAGE_FIND_VERSION VERSION_EQUAL PACKAGE_VERSION)
+    set(PACKAGE_VERSION_EXACT TRUE)
+  endif()
+endif()
+endef
+
+export PKG_CONFIG CMAKE_CONFIG CMAKE_VERSION
+SHARE = $(DESTDIR)$(PREFIX)/share
+
+install:
+	install -d $(DESTDIR)$(PREFIX)/include $(SHARE)/pkgconfig $(SHARE)/cmake/scatter
+	install -m 644 $(HEADERS) $(DESTDIR)$(PREFIX)/include
+	@printf '%s\n' "$$PKG_CONFIG" >$(SHARE)/pkgconfig/scatter.pc
+	@printf '%s\n' "$$CMAKE_CONFIG" >$(SHARE)/cmake/scatter/scatter-config.cmake
+	@printf '%s\n' "$$CMAKE_VERSION" >$(SHARE)/cmake/scatter/scatter-config-version.cmake
+	@echo "installed scatter $(VERSION) into $(DESTDIR)$(PREFIX)"
+
+-include $(wildcard $(BUILD)/*.d)

@@ -1,0 +1,520 @@
+/* render.c - scatter-render: renders a scene file, measures the time and the error. MIT licence,
+   see LICENSE.
+
+   Sections: options, host (memory, threads, progress), measuring, output, main. */
+#define _POSIX_C_SOURCE 200809L
+#define SCATTER_IMPLEMENTATION
+#include "../scatter.h"
+#include "files.h"
+#include "scene.h"
+
+#include <pthread.h>
+#include <time.h>
+
+static const char usage[] =
+    "usage: scatter-render SCENE [options]\n"
+    "  --out FILE        .pfm and .hdr: linear RGB, .png: tone-mapped sRGB\n"
+    "  --size WxH        pixels instead of the scene's; the field of view stays\n"
+    "  --depth METHOD    auto closed closed-volume eq6 upwind short polar march\n"
+    "  --ray METHOD      quadrature march\n"
+    "  --density METHOD  auto exact volume\n"
+    "  --nodes N         per panel of the quadrature, or steps of the march (16)\n"
+    "  --grid N          cells along each axis of depth and density volumes (64)\n"
+    "  --threads N       default: one for each processor\n"
+    "  --repeat N        measure N times and report medians (1)\n"
+    "  --reference FILE  .pfm to compare with\n"
+    "  --json            report one line of JSON\n";
+
+/* ----------------------------------------------------------------------------------- >>options */
+
+typedef struct options {
+    const char *scene, *out, *reference;
+    int width, height; /* 0: the scene's */
+    int threads, repeat, json;
+    scatter_quality quality;
+} options;
+
+/* "scatter-render: sentence" to the error output; returns `status`. */
+static int complain(int status, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    fputs("scatter-render: ", stderr);
+    vfprintf(stderr, format, arguments);
+    fputc('\n', stderr);
+    va_end(arguments);
+    return status;
+}
+
+/* A whole number from low to high with nothing behind but `end`; *text moves behind `end`. */
+static int whole_number(const char **text, char end, int low, int high, int *value) {
+    const char *p = *text;
+    long long n = 0;
+    for (; *p >= '0' && *p <= '9' && n <= high; p++)
+        n = n * 10 + (*p - '0');
+    if (p == *text || *p != end || n < low || n > high)
+        return 1;
+    *value = (int)n;
+    *text = end ? p + 1 : p;
+    return 0;
+}
+
+static int number_option(const char *name, const char *text, int low, int high, int *value) {
+    if (whole_number(&text, 0, low, high, value))
+        return complain(2, "%s: expected a whole number from %d to %d, found '%s'", name, low, high,
+                        text);
+    return 0;
+}
+
+static int size_option(options *o, const char *text) {
+    const char *at = text;
+    if (whole_number(&at, 'x', 1, 65536, &o->width) || whole_number(&at, 0, 1, 65536, &o->height))
+        return complain(2, "--size: expected WxH with 1 to 65536 pixels each, found '%s'", text);
+    return 0;
+}
+
+static int method_option(options *o, const char *name, const char *text) {
+    if (strcmp(name, "--depth") == 0 && scene_depth_method(text, &o->quality.depth))
+        return complain(
+            2,
+            "--depth: expected auto, closed, closed-volume, eq6, upwind, short, polar or march, "
+            "found '%s'",
+            text);
+    if (strcmp(name, "--ray") == 0 && scene_ray_method(text, &o->quality.ray))
+        return complain(2, "--ray: expected quadrature or march, found '%s'", text);
+    if (strcmp(name, "--density") == 0 && scene_density_method(text, &o->quality.density))
+        return complain(2, "--density: expected auto, exact or volume, found '%s'", text);
+    return 0;
+}
+
+static int file_option(const char *name, const char *text, const char *endings, const char **file) {
+    const char *dot = strrchr(text, '.');
+    *file = text;
+    if (!dot || !strstr(endings, dot) || strlen(dot) != 4)
+        return complain(2, "%s: expected a file name ending in%s, found '%s'", name, endings, text);
+    return 0;
+}
+
+static int option_with_value(options *o, const char *name, const char *value) {
+    if (strcmp(name, "--out") == 0)
+        return file_option(name, value, " .pfm .png .hdr", &o->out);
+    if (strcmp(name, "--reference") == 0)
+        return file_option(name, value, " .pfm", &o->reference);
+    if (strcmp(name, "--size") == 0)
+        return size_option(o, value);
+    if (strcmp(name, "--nodes") == 0)
+        return number_option(name, value, 1, 4096, &o->quality.nodes);
+    if (strcmp(name, "--grid") == 0)
+        return number_option(name, value, 2, 1024, &o->quality.grid);
+    if (strcmp(name, "--threads") == 0)
+        return number_option(name, value, 1, 1024, &o->threads);
+    if (strcmp(name, "--repeat") == 0)
+        return number_option(name, value, 1, 10000, &o->repeat);
+    return method_option(o, name, value);
+}
+
+/* Whether an option exists and takes a value. */
+static int takes_value(const char *name) {
+    static const char *const names[] = {"--out",     "--size",     "--depth", "--ray",
+                                        "--density", "--nodes",    "--grid",  "--threads",
+                                        "--repeat",  "--reference"};
+    return scene_name(names, sizeof names / sizeof *names, name) >= 0;
+}
+
+static int parse_options(int count, char **arguments, options *o) {
+    for (int i = 1; i < count; i++) {
+        const char *name = arguments[i];
+        if (strcmp(name, "--json") == 0)
+            o->json = 1;
+        else if (takes_value(name)) {
+            if (i + 1 == count)
+                return complain(2, "%s: expected a value behind it", name);
+            if (option_with_value(o, name, arguments[++i]))
+                return 2;
+        } else if (name[0] == '-')
+            return complain(2, "unknown option '%s'; --help lists the options", name);
+        else if (o->scene)
+            return complain(2, "expected one scene, found '%s' and '%s'", o->scene, name);
+        else
+            o->scene = name;
+    }
+    if (!o->scene)
+        return complain(2, "expected a scene file; --help lists the options");
+    if (o->quality.ray == SCATTER_RAY_QUADRATURE && o->quality.nodes > 256)
+        return complain(2, "--nodes: expected at most 256 for the quadrature, found %d",
+                        o->quality.nodes);
+    return 0;
+}
+
+/* -------------------------------------------------------------------------------------- >>host */
+
+/* What the library is given to live in. */
+typedef struct host_state {
+    int threads;
+    pthread_mutex_t lock; /* of the two byte counts */
+    size_t bytes, peak;   /* allocated now and at most */
+    char sentence[512];   /* the last one logged */
+    const char *scene;    /* name shown with the progress */
+    double start;         /* of the measurement, ms */
+    int shown;            /* progress was printed and must be wiped out */
+} host_state;
+
+static double now_ms(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+/* In front of each block: its size. As large as the strictest alignment. */
+typedef union block_header {
+    size_t bytes;
+    long double align_number;
+    void *align_pointer;
+} block_header;
+
+static void count_bytes(host_state *state, size_t more, size_t less) {
+    pthread_mutex_lock(&state->lock);
+    state->bytes = state->bytes + more - less;
+    if (state->bytes > state->peak)
+        state->peak = state->bytes;
+    pthread_mutex_unlock(&state->lock);
+}
+
+static void *host_allocate(void *user, size_t bytes) {
+    block_header *block =
+        bytes <= SIZE_MAX - sizeof *block ? (block_header *)malloc(sizeof *block + bytes) : NULL;
+    if (!block)
+        return NULL;
+    block->bytes = bytes;
+    count_bytes((host_state *)user, bytes, 0);
+    return block + 1;
+}
+
+static void host_release(void *user, void *memory) {
+    if (!memory)
+        return;
+    block_header *block = (block_header *)memory - 1;
+    count_bytes((host_state *)user, 0, block->bytes);
+    free(block);
+}
+
+static void host_log(void *user, scatter_result result, const char *sentence) {
+    host_state *state = (host_state *)user;
+    (void)result;
+    snprintf(state->sentence, sizeof state->sentence, "%s", sentence);
+}
+
+/* A loop shared by threads, which take pieces of it from the front. */
+typedef struct shared_loop {
+    void (*task)(void *data, int index);
+    void *data;
+    int count, piece, next;
+    pthread_mutex_t lock;
+} shared_loop;
+
+static void *run_pieces(void *argument) {
+    shared_loop *loop = (shared_loop *)argument;
+    for (;;) {
+        pthread_mutex_lock(&loop->lock);
+        int first = loop->next, left = loop->count - first;
+        int end = first + (left < loop->piece ? left : loop->piece);
+        loop->next = end;
+        pthread_mutex_unlock(&loop->lock);
+        if (first == end)
+            return NULL;
+        for (int i = first; i < end; i++)
+            loop->task(loop->data, i);
+    }
+}
+
+/* Starts the threads for this loop only: some 20 microseconds each, against milliseconds of work.
+   */
+static void host_parallel_for(void *user, int count, void (*task)(void *data, int index),
+                              void *data) {
+    enum { MOST = 1024 };
+    pthread_t threads[MOST];
+    int wanted = ((host_state *)user)->threads - 1, started = 0;
+    shared_loop loop;
+    memset(&loop, 0, sizeof loop);
+    loop.task = task;
+    loop.data = data;
+    loop.count = count;
+    loop.piece = count / (64 * (wanted + 1)) + 1;
+    pthread_mutex_init(&loop.lock, NULL);
+    while (started < wanted && started < MOST && started + 1 < count &&
+           pthread_create(&threads[started], NULL, run_pieces, &loop) == 0)
+        started++;
+    run_pieces(&loop);
+    while (started > 0)
+        pthread_join(threads[--started], NULL);
+    pthread_mutex_destroy(&loop.lock);
+}
+
+/* Only on a terminal, and only for what takes more than a second. */
+static int host_progress(void *user, float fraction) {
+    host_state *state = (host_state *)user;
+    if (isatty(2) && now_ms() - state->start > 1000) {
+        fprintf(stderr, "\r%s: %3.0f %%", state->scene, (double)fraction * 100);
+        state->shown = 1;
+    }
+    return 0;
+}
+
+static scatter_host make_host(host_state *state) {
+    scatter_host host;
+    memset(&host, 0, sizeof host);
+    host.user = state;
+    host.allocate = host_allocate;
+    host.release = host_release;
+    host.log = host_log;
+    host.progress = host_progress;
+    if (state->threads > 1)
+        host.parallel_for = host_parallel_for;
+    return host;
+}
+
+/* --------------------------------------------------------------------------------- >>measuring */
+
+typedef struct timing {
+    double setup, rays, total; /* ms */
+} timing;
+
+static int compare_doubles(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Median of the member at `offset` of all timings. */
+static double median(const timing *timings, int count, size_t offset, double *scratch) {
+    for (int i = 0; i < count; i++)
+        memcpy(&scratch[i], (const char *)&timings[i] + offset, sizeof(double));
+    qsort(scratch, (size_t)count, sizeof *scratch, compare_doubles);
+    return (scratch[(count - 1) / 2] + scratch[count / 2]) / 2;
+}
+
+/* One image with a fresh context. */
+static scatter_result render_once(const options *o, const scene_file *file, host_state *state,
+                                  const file_picture *picture, timing *t) {
+    scatter_host host = make_host(state);
+    scatter_view view = scene_view(file, picture->width, picture->height);
+    scatter_context *context = NULL;
+    scatter_image image;
+    memset(&image, 0, sizeof image);
+    image.width = picture->width;
+    image.height = picture->height;
+    image.rgb = picture->rgb;
+    state->start = now_ms();
+    scatter_result result = scatter_create(&host, &context);
+    if (result == SCATTER_OK)
+        result = scatter_update(context, &file->scene, &o->quality);
+    double ready = now_ms();
+    if (result == SCATTER_OK)
+        result = scatter_render(context, &view, &image);
+    double end = now_ms();
+    scatter_destroy(context);
+    t->setup = ready - state->start;
+    t->rays = end - ready;
+    t->total = end - state->start;
+    return result;
+}
+
+/* All repeats; leaves the medians in *t. */
+static int render(const options *o, const scene_file *file, host_state *state,
+                  const file_picture *picture, timing *t) {
+    size_t count = (size_t)o->repeat;
+    timing *timings = (timing *)malloc(count * sizeof *timings);
+    double *scratch = (double *)malloc(count * sizeof *scratch);
+    scatter_result result = timings && scratch ? SCATTER_OK : SCATTER_OUT_OF_MEMORY;
+    for (int i = 0; i < o->repeat && result == SCATTER_OK; i++)
+        result = render_once(o, file, state, picture, &timings[i]);
+    if (result == SCATTER_OK) {
+        t->setup = median(timings, o->repeat, offsetof(timing, setup), scratch);
+        t->rays = median(timings, o->repeat, offsetof(timing, rays), scratch);
+        t->total = median(timings, o->repeat, offsetof(timing, total), scratch);
+    }
+    free(timings);
+    free(scratch);
+    if (state->shown)
+        fputs("\r\033[K", stderr);
+    if (result != SCATTER_OK)
+        return complain(1, "%s: %s", o->scene,
+                        state->sentence[0] ? state->sentence : "out of memory");
+    return 0;
+}
+
+typedef struct difference {
+    int known;
+    double rel_rmse; /* root of the mean square difference, over the mean of the reference */
+    double max_abs;
+} difference;
+
+static difference compare_pictures(const file_picture *picture, const file_picture *reference) {
+    size_t count = (size_t)picture->width * (size_t)picture->height * 3;
+    double squares = 0, sum = 0;
+    difference d = {1, 0, 0};
+    for (size_t i = 0; i < count; i++) {
+        double delta = (double)picture->rgb[i] - (double)reference->rgb[i];
+        squares += delta * delta;
+        sum += (double)reference->rgb[i];
+        d.max_abs = fmax(d.max_abs, fabs(delta));
+    }
+    d.rel_rmse = squares > 0 ? sqrt(squares / (double)count) / (sum / (double)count) : 0;
+    return d;
+}
+
+static int compare_with_reference(const options *o, const file_picture *picture, difference *d) {
+    file_picture reference;
+    file_error error;
+    if (!o->reference)
+        return 0;
+    if (file_pfm_read(o->reference, &reference, &error))
+        return complain(1, "%s", error.text);
+    int same = reference.width == picture->width && reference.height == picture->height;
+    if (same)
+        *d = compare_pictures(picture, &reference);
+    int width = reference.width, height = reference.height;
+    free(reference.rgb);
+    if (!same)
+        return complain(1, "%s: expected %dx%d pixels, found %dx%d", o->reference, picture->width,
+                        picture->height, width, height);
+    return 0;
+}
+
+/* ------------------------------------------------------------------------------------ >>output */
+
+static int write_png(const char *path, const file_picture *picture, file_error *error) {
+    size_t pixels = (size_t)picture->width * (size_t)picture->height;
+    float *toned = (float *)malloc(pixels * 3 * sizeof(float));
+    unsigned char *bytes = (unsigned char *)malloc(pixels * 3);
+    scatter_tone tone;
+    memset(&tone, 0, sizeof tone);
+    int failed = toned && bytes ? 0 : file_fail(error, path, "out of memory");
+    if (!failed) {
+        scatter_tone_map(&tone, picture->rgb, pixels, toned);
+        for (size_t i = 0; i < pixels * 3; i++)
+            bytes[i] = scatter_srgb8(toned[i]);
+        failed = file_png_write(path, bytes, picture->width, picture->height, error);
+    }
+    free(toned);
+    free(bytes);
+    return failed;
+}
+
+static int write_picture(const char *path, const file_picture *picture) {
+    file_error error;
+    int failed;
+    if (!path)
+        return 0;
+    if (file_ends_with(path, ".pfm"))
+        failed = file_pfm_write(path, picture, &error);
+    else if (file_ends_with(path, ".hdr"))
+        failed = file_hdr_write(path, picture, &error);
+    else
+        failed = write_png(path, picture, &error);
+    return failed ? complain(1, "%s", error.text) : 0;
+}
+
+/* A JSON string with its quotes. */
+static void print_string(const char *text) {
+    putchar('"');
+    for (; *text; text++) {
+        unsigned char c = (unsigned char)*text;
+        if (c == '"' || c == '\\')
+            printf("\\%c", c);
+        else if (c < 32)
+            printf("\\u%04x", c);
+        else
+            putchar(c);
+    }
+    putchar('"');
+}
+
+/* A JSON number; what JSON cannot say is null. */
+static void print_number(const char *name, double value, int known) {
+    if (known && isfinite(value))
+        printf(", \"%s\": %.6g", name, value);
+    else
+        printf(", \"%s\": null", name);
+}
+
+static void print_json(const options *o, const file_picture *picture, const timing *t,
+                       const difference *d, const host_state *state) {
+    const scatter_quality *q = &o->quality;
+    printf("{\"scene\": ");
+    print_string(o->scene);
+    printf(", \"depth\": \"%s\", \"ray\": \"%s\", \"density\": \"%s\"", scene_depth_name(q->depth),
+           scene_ray_name(q->ray), scene_density_name(q->density));
+    printf(", \"nodes\": %d, \"grid\": %d, \"threads\": %d", q->nodes, q->grid, o->threads);
+    printf(", \"width\": %d, \"height\": %d", picture->width, picture->height);
+    print_number("ms_setup", t->setup, 1);
+    print_number("ms_rays", t->rays, 1);
+    print_number("ms", t->total, 1);
+    printf(", \"repeats\": %d", o->repeat);
+    print_number("rel_rmse", d->rel_rmse, d->known);
+    print_number("max_abs", d->max_abs, d->known);
+    printf(", \"bytes\": %.0f}\n", (double)state->peak);
+}
+
+static void print_report(const options *o, const file_picture *picture, const timing *t,
+                         const difference *d) {
+    printf("%s: %dx%d, setup %.1f ms, rays %.1f ms", o->scene, picture->width, picture->height,
+           t->setup, t->rays);
+    if (d->known)
+        printf(", relative RMSE %.4g, largest difference %.4g", d->rel_rmse, d->max_abs);
+    printf("%s%s\n", o->out ? ", written to " : "", o->out ? o->out : "");
+}
+
+/* -------------------------------------------------------------------------------------- >>main */
+
+/* Renders, compares, writes and reports; the exit status. */
+static int run(const options *o, const scene_file *file, const file_picture *picture) {
+    host_state state;
+    timing t = {0, 0, 0};
+    difference d = {0, 0, 0};
+    memset(&state, 0, sizeof state);
+    state.threads = o->threads;
+    state.scene = o->scene;
+    pthread_mutex_init(&state.lock, NULL);
+    int status = render(o, file, &state, picture, &t);
+    if (!status)
+        status = compare_with_reference(o, picture, &d);
+    if (!status)
+        status = write_picture(o->out, picture);
+    if (!status && o->json)
+        print_json(o, picture, &t, &d, &state);
+    else if (!status)
+        print_report(o, picture, &t, &d);
+    pthread_mutex_destroy(&state.lock);
+    return status;
+}
+
+static int run_scene(const options *o, const scene_file *file) {
+    file_picture picture;
+    picture.width = o->width ? o->width : file->width;
+    picture.height = o->height ? o->height : file->height;
+    double bytes = (double)picture.width * picture.height * 3 * sizeof(float);
+    picture.rgb = bytes < (double)(SIZE_MAX / 2) ? (float *)malloc((size_t)bytes) : NULL;
+    int status = picture.rgb ? run(o, file, &picture) : complain(1, "%s: out of memory", o->scene);
+    free(picture.rgb);
+    return status;
+}
+
+int main(int count, char **arguments) {
+    options o;
+    scene_file file;
+    memset(&o, 0, sizeof o);
+    o.repeat = 1;
+    o.quality.nodes = 16;
+    o.quality.grid = 64;
+    long processors = sysconf(_SC_NPROCESSORS_ONLN);
+    o.threads = processors > 1 ? (int)(processors < 1024 ? processors : 1024) : 1;
+    if (count == 2 && strcmp(arguments[1], "--help") == 0)
+        return fputs(usage, stdout) < 0;
+    int status = parse_options(count, arguments, &o);
+    if (status)
+        return status;
+    if (scene_read(&file, o.scene))
+        return complain(1, "%s", file.error);
+    status = run_scene(&o, &file);
+    scene_free(&file);
+    return status;
+}

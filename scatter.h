@@ -1,0 +1,4602 @@
+/* scatter.h - physically based fog, smoke and clouds on the CPU. MIT licence, see the end of the file.
+
+   Do this in ONE C or C++ file, and include the header plainly everywhere else:
+
+       #define SCATTER_IMPLEMENTATION
+       #include "scatter.h"
+
+   The smallest program:
+
+       scatter_gaussian puff = {{0, 0, 0}, 1.0f, 1.0f};              // centre, inverse width a, amplitude c
+       scatter_light lamp = {0};
+       lamp.position = scatter_v3(2, 2, -1);
+       lamp.intensity = scatter_v3(40, 40, 40);                      // W/sr
+       scatter_scene scene = {0};
+       scene.medium.extinction = scatter_v3(1, 1, 1);                // 1/m per unit of density
+       scene.medium.albedo = scatter_v3(0.9f, 0.9f, 0.9f);
+       scene.medium.gaussians = &puff;  scene.medium.gaussian_count = 1;
+       scene.lights = &lamp;            scene.light_count = 1;
+
+       scatter_context *fog;
+       scatter_create(NULL, &fog);
+       scatter_update(fog, &scene, NULL);                            // again whenever the scene changes
+       scatter_view view = scatter_view_perspective(scatter_v3(0, 0, -5), scatter_v3(0, 0, 0),
+                                                    scatter_v3(0, 1, 0), 0.7f, 1.0f);
+       scatter_image image = {0};
+       image.width = image.height = 256;
+       image.rgb = pixels;                                           // 3*256*256 floats of your own
+       scatter_render(fog, &view, &image);
+       scatter_destroy(fog);
+
+   What it does
+   - Media: constant fog, exponential height fog, any number of Gaussians, voxel grids, all added up, with
+     optional bounds; coloured extinction and albedo, emission; isotropic, Henyey-Greenstein, Rayleigh,
+     Draine and water-droplet phase functions.
+   - Lights: point, spot and directional, any number, shadowed by the medium and by the host's geometry.
+   - Single scattering, exactly or to a stated error; surfaces lit and seen through the medium.
+   - The same bits for the same input on the same machine and build, with any number of threads.
+   What it does not do (yet): multiple scattering, environment maps, refraction.
+
+   Conventions
+   - Lengths in metres, angles in radians, axes right-handed, colours linear RGB.
+   - Vectors are structs of three floats. Arrays of cells and voxels are x fastest, then y, then z; the value
+     of cell (i,j,k) belongs to the centre of the cell. Image row 0 is the top row, RGB interleaved.
+   - `direction` of a light or a ray is where the light or the ray travels to.
+
+     quantity              symbol   unit              in the code
+     density               D        1                 constant, height.density, gaussian.c, grid values
+     extinction            sigma_t  1/m per unit D    medium.extinction
+     albedo                omega    1, 0..1           medium.albedo
+     emission              epsilon  W/(m3 sr) per D   medium.emission
+     optical depth         tau      m (times D)       "depth": the integral of D along a segment
+     transmittance         T        1, 0..1           exp(-sigma_t tau)
+     phase function        p        1/sr              integrates to 1 over the sphere
+     radiant intensity     I        W/sr              light.intensity of point and spot lights
+     irradiance            E        W/m2              light.intensity of directional lights
+     radiance              L        W/(m2 sr)         every pixel
+
+   Step by step
+   1. Fill a scatter_medium and scatter_lights, put both into a scatter_scene. Zero means the default that is
+      stated beside each field, so start from {0}.
+   2. scatter_create once; scatter_update when something changed. It compares the scene with the last one and
+      redoes only what depends on the change: nothing for a static scene, the depth of one light if only that
+      light moved, the injection of the medium if the medium changed. Voxel values are compared by the grid's
+      `version`, everything else by value. Arrays and voxels that the scene points to are copied, except the
+      voxels, which stay yours and must stay alive and unchanged until the next update.
+   3. scatter_render for images, scatter_radiance for single rays, scatter_depth_* and scatter_inject for the
+      stages on their own.
+
+   Errors: every call that can fail returns a scatter_result; the reason is handed as one sentence that names
+   the field to `host.log`. The library prints nothing. A failed call changes nothing but what it says.
+   Memory: through host.allocate/release (default malloc/free), only in scatter_create, scatter_depth_create,
+   scatter_update and scatter_depth_update, and there only when something became larger. scatter_render,
+   scatter_radiance, scatter_inject and scatter_depth_at never allocate. About 64 KB of stack per ray.
+   Threads: none of its own. Long loops are handed to host.parallel_for if there is one. scatter_radiance,
+   scatter_depth_at and all functions without a context may be called from any number of threads.
+   Determinism: the same bits on the same machine and build for any number of threads; on another processor
+   the compiler's choice of instructions (fused multiply-add) moves the last bits.
+   Limits: images, grids and volumes are limited by memory and by 2^31-1 cells per axis product.
+
+   Configuration, before including
+     SCATTER_IMPLEMENTATION  compile the implementation here
+     SCATTER_STATIC          make all functions static: no exported symbols, several copies may coexist
+     SCATTER_NO_DISPATCH     do not compile hot loops for several instruction sets (see "configuration")
+*/
+#ifndef SCATTER_H
+#define SCATTER_H
+
+#include <stddef.h>
+
+#if defined(SCATTER_STATIC) && defined(__GNUC__) && !defined(__TINYC__)
+#define SCATTER_API static __attribute__((unused))
+#elif defined(SCATTER_STATIC)
+#define SCATTER_API static
+#else
+#define SCATTER_API extern
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ------------------------------------------------------------------------------------------ >>types */
+
+/* Three floats: a position or vector in metres, or linear RGB. */
+typedef struct scatter_vec3 {
+    float x, y, z;
+} scatter_vec3;
+
+typedef struct scatter_box {
+    scatter_vec3 min, max;
+} scatter_box;
+
+typedef enum scatter_result {
+    SCATTER_OK = 0,
+    SCATTER_BAD_ARGUMENT,  /* a field holds a value that has no meaning */
+    SCATTER_TOO_LARGE,     /* a product of sizes does not fit into size_t or int */
+    SCATTER_OUT_OF_MEMORY, /* host.allocate returned NULL; the object is as before the call or empty */
+    SCATTER_CANCELLED      /* host.progress asked to stop */
+} scatter_result;
+
+/* What the library asks of the program around it. Every member may be NULL. */
+typedef struct scatter_host {
+    void *user; /* handed to all functions below */
+    void *(*allocate)(void *user, size_t bytes); /* NULL: malloc; alignment as malloc gives it */
+    void (*release)(void *user, void *memory);   /* NULL: free */
+    void (*log)(void *user, scatter_result result, const char *sentence);
+    /* Call task(data, i) for each i in 0..count-1, on any threads, and return when all are done.
+       NULL: a plain loop. */
+    void (*parallel_for)(void *user, int count, void (*task)(void *data, int index), void *data);
+    /* Called on the calling thread with 0 <= fraction <= 1; a return other than 0 cancels. */
+    int (*progress)(void *user, float fraction);
+} scatter_host;
+
+/* D(x) = c exp(-a^2 |x - center|^2) */
+typedef struct scatter_gaussian {
+    scatter_vec3 center;
+    float a; /* inverse width, 1/m, > 0; the standard deviation is 1/(sqrt(2) a) */
+    float c; /* density at the centre, >= 0 */
+} scatter_gaussian;
+
+/* D(x) = density exp(-(x.y - y0) / scale) */
+typedef struct scatter_height {
+    float density; /* at y0, >= 0 */
+    float y0;      /* m */
+    float scale;   /* m, > 0: the density falls by e over this height */
+} scatter_height;
+
+/* Voxels spread over a box: trilinear between voxel centres, constant in the outer half voxel, zero outside. */
+typedef struct scatter_grid {
+    const float *density; /* nx*ny*nz values >= 0, x fastest; stays the host's */
+    int nx, ny, nz;       /* >= 1 */
+    scatter_box box;      /* m */
+    float scale;          /* density = value * scale; 0: 1 */
+    unsigned version;     /* change it when the values change */
+} scatter_grid;
+
+typedef enum scatter_phase_kind {
+    SCATTER_PHASE_ISOTROPIC = 0,
+    SCATTER_PHASE_HG,       /* Henyey-Greenstein, g */
+    SCATTER_PHASE_RAYLEIGH,
+    SCATTER_PHASE_DRAINE,   /* g, alpha: alpha 0 is Henyey-Greenstein; g 0, alpha 1 is Rayleigh */
+    SCATTER_PHASE_DROPLETS  /* water droplets by diameter: Jendersie and d'Eon 2023 */
+} scatter_phase_kind;
+
+typedef struct scatter_phase {
+    scatter_phase_kind kind;
+    float g;           /* mean cosine of HG, -0.9999..0.9999 */
+    float alpha;       /* of Draine, >= 0 */
+    float diameter_um; /* of droplets, micrometres, 0 < d <= 50 */
+} scatter_phase;
+
+/* All terms add up. At most one phase function, one extinction and one albedo for all of them. */
+typedef struct scatter_medium {
+    scatter_vec3 extinction; /* sigma_t, 1/m per unit of density, >= 0 */
+    scatter_vec3 albedo;     /* omega, 0..1 */
+    scatter_vec3 emission;   /* radiance per metre and unit of density, W/(m3 sr), >= 0 */
+    scatter_phase phase;
+    int bounded;             /* not 0: the medium is zero outside `bounds` */
+    scatter_box bounds;
+    float constant;          /* density everywhere, >= 0 */
+    const scatter_height *heights;
+    size_t height_count;
+    const scatter_gaussian *gaussians;
+    size_t gaussian_count;
+    const scatter_grid *grids;
+    size_t grid_count;
+} scatter_medium;
+
+typedef enum scatter_light_kind {
+    SCATTER_LIGHT_POINT = 0,
+    SCATTER_LIGHT_SPOT,
+    SCATTER_LIGHT_DIRECTIONAL
+} scatter_light_kind;
+
+typedef struct scatter_light {
+    scatter_light_kind kind;
+    scatter_vec3 position;  /* m; point and spot */
+    scatter_vec3 direction; /* spot and directional; any length but 0 */
+    scatter_vec3 intensity; /* RGB, >= 0: W/sr of point and spot, W/m2 of directional lights */
+    float radius;           /* R of the lamp, m: irradiance I/(r^2 + R^2); 0: an ideal point */
+    float inner, outer;     /* half-angles of a spot, 0 <= inner <= outer <= pi: full inside `inner`,
+                               smoothstep in the cosine to 0 at `outer` */
+} scatter_light;
+
+/* The nearest opaque surface on a ray. Lambert plus Phong: albedo/pi + specular (shininess+2)/(2 pi) cos^shininess
+   of the angle to the mirror direction. */
+typedef struct scatter_surface {
+    float distance; /* along the unit direction of the ray, m, >= 0 */
+    scatter_vec3 normal; /* unit length, towards the eye */
+    scatter_vec3 albedo;
+    scatter_vec3 specular; /* 0: Lambert only */
+    float shininess;       /* >= 0 */
+} scatter_surface;
+
+/* Everything that sends, scatters or stops light. The callbacks may be called from several threads. */
+typedef struct scatter_scene {
+    scatter_medium medium;
+    const scatter_light *lights;
+    size_t light_count;
+    scatter_vec3 background; /* radiance behind rays that end nowhere */
+    /* Not 0 if nothing opaque lies between p and q (q may be 1e6 m away for a directional light).
+       NULL: nothing throws shadows. */
+    int (*visible)(void *user, scatter_vec3 p, scatter_vec3 q);
+    /* Not 0 if the ray meets a surface, which is then described in *hit. NULL: no surfaces. */
+    int (*surface)(void *user, scatter_vec3 origin, scatter_vec3 direction, scatter_surface *hit);
+    void *user; /* handed to both */
+} scatter_scene;
+
+/* How the optical depth between a light and a point is found. Constant and height fog are always in closed
+   form; the method is about Gaussians and grids. Errors are measured in docs/accuracy.md. */
+typedef enum scatter_depth_method {
+    SCATTER_DEPTH_AUTO = 0,      /* closed for at most 24 Gaussians and no grid, else polar */
+    SCATTER_DEPTH_CLOSED,        /* per query, exact: O(Gaussians) and O(voxels on the segment) */
+    SCATTER_DEPTH_CLOSED_VOLUME, /* closed form at n^3 cell centres, trilinear in between */
+    SCATTER_DEPTH_EQ6,           /* Giroud and Biri 2012 as printed: the inconsistent baseline */
+    SCATTER_DEPTH_UPWIND,        /* its consistent form, first order */
+    SCATTER_DEPTH_SHORT,         /* short characteristics, bilinear on the upwind face */
+    SCATTER_DEPTH_POLAR,         /* running sums along directions around the light, second order */
+    SCATTER_DEPTH_MARCH          /* every cell marches to the light in steps of one cell */
+} scatter_depth_method;
+
+/* Where the density on the eye ray comes from. */
+typedef enum scatter_density_method {
+    SCATTER_DENSITY_AUTO = 0, /* exact for at most 2048 Gaussians, else volume */
+    SCATTER_DENSITY_EXACT,    /* the medium itself */
+    SCATTER_DENSITY_VOLUME    /* Gaussians and grids injected into n^3 cells: cost independent of their number */
+} scatter_density_method;
+
+/* How the integral along the eye ray is taken. */
+typedef enum scatter_ray_method {
+    SCATTER_RAY_QUADRATURE = 0, /* Gauss-Legendre in panels that follow the medium, sinh map for local lights */
+    SCATTER_RAY_MARCH           /* uniform steps, as the papers do */
+} scatter_ray_method;
+
+/* Zero, or NULL for a pointer to this, is the default. */
+typedef struct scatter_quality {
+    scatter_depth_method depth;
+    scatter_density_method density;
+    scatter_ray_method ray;
+    int nodes; /* quadrature: nodes per panel, 1..256; march: steps per ray, 1..4096; 0: 16 */
+    int grid;  /* n of depth volumes and of the injected density, 2..1024; 0: 64 */
+} scatter_quality;
+
+typedef struct scatter_ray {
+    scatter_vec3 origin;
+    scatter_vec3 direction; /* any length but 0 */
+} scatter_ray;
+
+/* What arrives at the origin of a ray. */
+typedef struct scatter_sample {
+    scatter_vec3 radiance;      /* scattered and emitted by the medium towards the origin, W/(m2 sr) */
+    scatter_vec3 transmittance; /* of the medium between the origin and the surface, or to the far end */
+    scatter_vec3 surface;       /* radiance leaving the surface, lit through the medium; background if none */
+} scatter_sample;               /* seen: radiance + transmittance * surface */
+
+/* Rays of an image: pixel coordinates x, y in 0..1 from the top left give origin + x origin_dx + y origin_dy
+   and likewise the direction (any length). Covers perspective, off-axis and orthographic cameras. */
+typedef struct scatter_view {
+    scatter_vec3 origin, origin_dx, origin_dy;
+    scatter_vec3 direction, direction_dx, direction_dy;
+} scatter_view;
+
+typedef struct scatter_image {
+    int width, height;      /* pixels of the whole image, >= 1 */
+    int x0, y0, x1, y1;     /* region to render, x0 <= x < x1; all zero: everything. Pixels outside stay untouched */
+    float *rgb;             /* out: width*height*3, radiance + transmittance * (what lies behind) */
+    float *transmittance;   /* out: width*height*3, or NULL */
+    const float *distance;  /* in: width*height metres along the pixel's ray at which the host's own picture ends
+                               the ray; not > 0, infinite or NaN: it does not. NULL: scene.surface decides */
+    const float *color;     /* in: width*height*3, the host's own picture, seen through the medium. NULL:
+                               the lit scene.surface and the background */
+} scatter_image;
+
+/* Values at the centres of nx*ny*nz cells of a box, x fastest; memory of the host. */
+typedef struct scatter_volume {
+    float *values;
+    int nx, ny, nz;
+    scatter_box box;
+} scatter_volume;
+
+/* Where optical depth is counted from: a light, or an eye. */
+typedef struct scatter_source {
+    int directional;        /* not 0: infinitely far away, light travels along `direction` */
+    scatter_vec3 position;  /* m, if not directional */
+    scatter_vec3 direction; /* any length but 0, if directional */
+} scatter_source;
+
+typedef struct scatter_tone {
+    float key;         /* grey that the log-average luminance becomes; 0: 0.18 */
+    float white;       /* scaled luminance that becomes 1; 0: none, only infinity does */
+    float log_average; /* of the luminance; 0: taken from the image. Keep it to avoid flicker between images */
+} scatter_tone;
+
+/* Counters since scatter_create: what was really redone. */
+typedef struct scatter_stats {
+    unsigned injections;   /* of the medium into the density volume */
+    unsigned propagations; /* of optical depth, one for each light */
+    size_t bytes;          /* held now */
+} scatter_stats;
+
+typedef struct scatter_context scatter_context;
+typedef struct scatter_depth scatter_depth;
+
+/* -------------------------------------------------------------------------------------- >>functions */
+
+/* Components in order. */
+SCATTER_API scatter_vec3 scatter_v3(float x, float y, float z);
+
+/* Density D at x, 1. O(terms). Relative error below 1e-5 of each term. */
+SCATTER_API float scatter_density(const scatter_medium *medium, scatter_vec3 x);
+
+/* Optical depth tau between p and q, m (times density): the exact integral of D, closed form for constant,
+   height fog and Gaussians, cell by cell for grids. Relative error below 1e-5; see docs/accuracy.md.
+   O(terms + voxels on the segment). */
+SCATTER_API float scatter_optical_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q);
+
+/* Phase function p(cos_theta), 1/sr; cos_theta is between the directions of travel before and after. */
+SCATTER_API float scatter_phase_value(const scatter_phase *phase, float cos_theta);
+
+/* Samples the density of the medium at the cell centres of the volume (not averaged over cells).
+   Gaussians are culled to their support, so the cost is that of the cells they overlap: one
+   multiplication per overlapped cell, plus one pass over the volume for constant, height fog and grids. */
+SCATTER_API scatter_result scatter_inject(const scatter_host *host, const scatter_medium *medium,
+                                          const scatter_volume *volume);
+
+/* Optical depth from one source to any point, by one of the methods. `host` may be NULL and is copied. */
+SCATTER_API scatter_result scatter_depth_create(const scatter_host *host, scatter_depth **depth);
+SCATTER_API void scatter_depth_destroy(scatter_depth *depth);
+/* Prepares the method for this medium and source (quality.depth and quality.grid count; NULL: defaults).
+   The medium's arrays are copied, its voxels are not. Cost and memory: docs/accuracy.md. */
+SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scatter_medium *medium,
+                                                const scatter_source *source, const scatter_quality *quality);
+/* Optical depth between the source and x, m (times density). */
+SCATTER_API float scatter_depth_at(const scatter_depth *depth, scatter_vec3 x);
+
+/* A context holds one scene, prepared for rays. `host` may be NULL and is copied. */
+SCATTER_API scatter_result scatter_create(const scatter_host *host, scatter_context **context);
+SCATTER_API void scatter_destroy(scatter_context *context);
+/* Takes over a scene; redoes only what changed. On failure the context renders nothing until the next
+   successful update. */
+SCATTER_API scatter_result scatter_update(scatter_context *context, const scatter_scene *scene,
+                                          const scatter_quality *quality);
+SCATTER_API scatter_stats scatter_get_stats(const scatter_context *context);
+
+/* One ray through the scene; `hit` ends it at a surface of the host, NULL asks scene.surface. */
+SCATTER_API scatter_result scatter_radiance(const scatter_context *context, const scatter_ray *ray,
+                                            const scatter_surface *hit, scatter_sample *sample);
+
+/* An image or a region of it, through pixel centres. */
+SCATTER_API scatter_result scatter_render(const scatter_context *context, const scatter_view *view,
+                                          const scatter_image *image);
+
+/* Views. fov_y: vertical field of view, radians, 0..pi; height: of the view, m; aspect: width / height.
+   Image right is forward x up. */
+SCATTER_API scatter_view scatter_view_perspective(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up,
+                                                  float fov_y, float aspect);
+SCATTER_API scatter_view scatter_view_orthographic(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up,
+                                                   float height, float aspect);
+/* The ray through x, y in 0..1 from the top left. */
+SCATTER_API scatter_ray scatter_view_ray(const scatter_view *view, float x, float y);
+
+/* Reinhard's photographic operator on `pixels` RGB triples, in place allowed; the result is linear, 0..1 where
+   the luminance is below `white`. */
+SCATTER_API void scatter_tone_map(const scatter_tone *tone, const float *rgb, size_t pixels, float *out);
+/* exp of the mean log luminance of the pixels brighter than 0; 0 if there is none. */
+SCATTER_API float scatter_log_average(const float *rgb, size_t pixels);
+/* Linear 0..1 to an sRGB byte; values outside are clamped, NaN is 0. */
+SCATTER_API unsigned char scatter_srgb8(float linear);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* SCATTER_H */
+
+/* ========================================================================================== IMPLEMENTATION
+   Data flows one way through the chapters:
+   core -> log -> memory -> medium -> depth -> source -> ray -> image -> validation -> public. */
+#ifdef SCATTER_IMPLEMENTATION
+#ifndef SCATTER_IMPLEMENTED
+#define SCATTER_IMPLEMENTED
+
+#include <float.h>
+#include <limits.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---------------------------------------------------------------------------------- >>configuration */
+
+#if defined(__GNUC__) || defined(_MSC_VER)
+#define SCATTERI_RESTRICT __restrict
+#elif defined(__cplusplus) || defined(__TINYC__)
+#define SCATTERI_RESTRICT
+#else
+#define SCATTERI_RESTRICT restrict
+#endif
+
+/* Hot loops are compiled for SSE2, AVX2+FMA and AVX-512, and the loader picks one, where gcc and clang offer
+   that (x86-64 glibc). Sanitizers run before such a choice can be made, so they get the plain code. */
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SCATTERI_SANITIZED
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
+#define SCATTERI_SANITIZED
+#endif
+#endif
+#if defined(__clang__)
+#if __clang_major__ >= 14
+#define SCATTERI_CAN_DISPATCH
+#endif
+#elif defined(__GNUC__)
+#if __GNUC__ >= 12
+#define SCATTERI_CAN_DISPATCH
+#endif
+#endif
+#if defined(SCATTERI_CAN_DISPATCH) && !defined(SCATTERI_SANITIZED) && !defined(SCATTER_NO_DISPATCH) && \
+    defined(__x86_64__) && defined(__GLIBC__)
+#define SCATTERI_HOT __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
+#else
+#define SCATTERI_HOT
+#endif
+
+enum {
+    SCATTERI_LANES = 16,   /* floats that one loop of the hot code works on: one AVX-512 register */
+    SCATTERI_PAGE = 256,   /* Gaussians prepared for one ray at a time */
+    SCATTERI_NODES = 256,  /* nodes of one panel */
+    SCATTERI_PROFILE = 2048, /* samples of voxel density along one ray */
+    SCATTERI_EDGES = 128,  /* break points of one ray */
+    SCATTERI_STEPS = 4096, /* of the march */
+    SCATTERI_BRICK = 8     /* voxels along the edge of a brick of the empty-space mask */
+};
+
+#define SCATTERI_FAR 1e30f    /* length of a segment that never ends: finite, so that 0 * far is 0 */
+#define SCATTERI_HORIZON 1e6f /* m: beyond this, unbounded media are cut off */
+#define SCATTERI_OPAQUE 18.0f /* sigma_t tau at which the rest of a ray is dropped: T = 1.5e-8 */
+
+/* ------------------------------------------------------------------------------------------- >>prelude */
+
+/* What the core region needs from the language. GLSL has its own prelude in scatter_gl.h. The elementary
+   functions below call no libm and do not branch, so that gcc and clang vectorise loops over them with the
+   default flags (errno and trapping math on). */
+#include <math.h>
+#include <string.h>
+
+#if defined(__GNUC__) && !defined(__TINYC__)
+#define SCATTERI_FN static __inline__ __attribute__((always_inline, unused))
+#else
+#define SCATTERI_FN static __inline
+#endif
+
+#define SCATTERI_STRUCT(name) \
+    typedef struct name name; \
+    struct name
+#define SCATTERI_FLOAT(x) ((float)(x))
+#define SCATTERI_REAL(x) ((double)(x))
+typedef double scatteri_real; /* float in GLSL; for what is computed once, not per node */
+
+typedef struct scatteri_vec2 {
+    float x, y;
+} scatteri_vec2;
+
+typedef struct scatteri_vec4 {
+    float x, y, z, w;
+} scatteri_vec4;
+
+SCATTERI_FN scatteri_vec2 scatteri_v2(float x, float y) {
+    scatteri_vec2 v;
+    v.x = x, v.y = y;
+    return v;
+}
+
+SCATTERI_FN scatter_vec3 scatteri_v3(float x, float y, float z) {
+    scatter_vec3 v;
+    v.x = x, v.y = y, v.z = z;
+    return v;
+}
+
+SCATTERI_FN scatteri_vec4 scatteri_v4(float x, float y, float z, float w) {
+    scatteri_vec4 v;
+    v.x = x, v.y = y, v.z = z, v.w = w;
+    return v;
+}
+
+SCATTERI_FN unsigned scatteri_bits(float x) {
+    unsigned u;
+    memcpy(&u, &x, sizeof u);
+    return u;
+}
+
+SCATTERI_FN float scatteri_from_bits(unsigned u) {
+    float x;
+    memcpy(&x, &u, sizeof x);
+    return x;
+}
+
+/* a if x < y, else b. Both are computed; said with bits, because gcc moves the arms of ?: into branches and
+   then does not vectorise. */
+SCATTERI_FN float scatteri_choose(float x, float y, float a, float b) {
+    unsigned mask = 0u - (unsigned)(x < y);
+    return scatteri_from_bits((scatteri_bits(a) & mask) | (scatteri_bits(b) & ~mask));
+}
+
+SCATTERI_FN float scatteri_abs(float x) { return scatteri_from_bits(scatteri_bits(x) & 0x7FFFFFFFu); }
+SCATTERI_FN float scatteri_min(float a, float b) { return scatteri_choose(a, b, a, b); }
+SCATTERI_FN float scatteri_max(float a, float b) { return scatteri_choose(b, a, a, b); }
+
+/* min(x, top) for top >= 0: positive floats are ordered as their bits, negative ones below. */
+SCATTERI_FN float scatteri_cap(float x, float top) {
+    int b = (int)scatteri_bits(x);
+    int t = (int)scatteri_bits(top);
+    return scatteri_from_bits((unsigned)(b < t ? b : t));
+}
+
+/* Nearest to x in [-top, top]. */
+SCATTERI_FN float scatteri_within(float x, float top) {
+    unsigned b = scatteri_bits(scatteri_cap(x, top));
+    unsigned t = scatteri_bits(-top);
+    return scatteri_from_bits(b < t ? b : t);
+}
+
+/* Largest integer <= x; |x| < 2^31. */
+SCATTERI_FN float scatteri_floor(float x) {
+    float t = (float)(int)x;
+    return t - scatteri_choose(x, t, 1.0f, 0.0f);
+}
+
+/* e^x = 2^n e^f with |f| <= log(2)/2. Results below 1.2e-38 are 0, x > 88.37 gives 2.4e38. The bits of
+   x/log(2) + 1.5 2^23 hold n; it is read from there, not from the sum, which x87 keeps unrounded. */
+SCATTERI_FN float scatteri_exp(float x) {
+    float y = scatteri_choose(x, -87.336f, -88.0f, scatteri_cap(x, 88.37f));
+    unsigned b = scatteri_bits(y * 1.44269504f + 12582912.0f);
+    float n = (float)(int)(b - 0x4B400000u);
+    float f = (y - n * 0.693359375f) + n * 2.12194440e-4f;
+    float p = 0.001392618359f;
+    p = p * f + 0.008363179053f;
+    p = p * f + 0.04166655462f;
+    p = p * f + 0.1666657699f;
+    p = p * f + 0.5f;
+    p = (p * f * f + f) + 1.0f;
+    return p * scatteri_from_bits((b + 127u) << 23);
+}
+
+/* 1/sqrt(x) for 1.2e-38 <= x <= 3.4e38; finite at 0. */
+SCATTERI_FN float scatteri_rsqrt(float x) {
+    float y = scatteri_from_bits(0x5F375A86u - (scatteri_bits(x) >> 1));
+    float r = 1.0f - (x * y) * y;
+    y = y + y * (r * (0.5f + 0.375f * r));
+    r = 1.0f - (x * y) * y;
+    return y + y * (0.5f * r);
+}
+
+/* sqrt(x) for 0 <= x <= 3.4e38; 0 below 1.2e-38. */
+SCATTERI_FN float scatteri_sqrt(float x) {
+    float s = x * scatteri_rsqrt(x);
+    return scatteri_choose(x, 1.175494351e-38f, 0.0f, s);
+}
+
+/* log(x) for 1.2e-38 <= x <= 3.4e38: x = 2^n (1 + f) with sqrt(1/2) <= 1 + f < sqrt(2). */
+SCATTERI_FN float scatteri_log(float x) {
+    unsigned u = scatteri_bits(x) - 0x3F3504F3u;
+    float n = (float)((int)((u >> 23) ^ 0x100u) - 0x100);
+    float f = scatteri_from_bits((u & 0x7FFFFFu) + 0x3F3504F3u) - 1.0f;
+    float p = 0.06971611471f;
+    p = p * f - 0.1147973385f;
+    p = p * f + 0.1168541992f;
+    p = p * f - 0.1242568733f;
+    p = p * f + 0.1424905765f;
+    p = p * f - 0.1666780232f;
+    p = p * f + 0.2000071575f;
+    p = p * f - 0.2499999696f;
+    p = p * f + 0.3333333118f;
+    p = p * f * f * f - 0.5f * f * f;
+    return (p - n * 2.12194440e-4f + f) + n * 0.693359375f;
+}
+
+/* ------------------------------------------------------------------------------------------- >>core */
+
+/* >>core begin: everything down to ">>core end" is C99 and GLSL at once (design: scalars and small structs by
+   value, no pointers, no operators on vectors). `make glsl` copies it into scatter_gl.h. */
+
+/* >>core: vector */
+
+SCATTERI_FN scatter_vec3 scatteri_add(scatter_vec3 a, scatter_vec3 b) {
+    return scatteri_v3(a.x + b.x, a.y + b.y, a.z + b.z);
+}
+
+SCATTERI_FN scatter_vec3 scatteri_sub(scatter_vec3 a, scatter_vec3 b) {
+    return scatteri_v3(a.x - b.x, a.y - b.y, a.z - b.z);
+}
+
+SCATTERI_FN scatter_vec3 scatteri_scale(scatter_vec3 v, float s) {
+    return scatteri_v3(v.x * s, v.y * s, v.z * s);
+}
+
+SCATTERI_FN scatter_vec3 scatteri_mul(scatter_vec3 a, scatter_vec3 b) {
+    return scatteri_v3(a.x * b.x, a.y * b.y, a.z * b.z);
+}
+
+SCATTERI_FN float scatteri_dot(scatter_vec3 a, scatter_vec3 b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+SCATTERI_FN scatter_vec3 scatteri_cross(scatter_vec3 a, scatter_vec3 b) {
+    return scatteri_v3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+
+SCATTERI_FN float scatteri_length(scatter_vec3 v) {
+    return scatteri_sqrt(scatteri_dot(v, v));
+}
+
+/* Unit length; for lengths 1e-19..1e19. */
+SCATTERI_FN scatter_vec3 scatteri_normalize(scatter_vec3 v) {
+    return scatteri_scale(v, scatteri_rsqrt(scatteri_dot(v, v)));
+}
+
+/* >>core: erf */
+
+/* exp(-x^2). x^2 is split into an exact square of 12 bits and a rest, so that the rounding of x^2 does not
+   become an error of x^2 units in the last place. 0 for |x| > 9.34. */
+SCATTERI_FN float scatteri_bell(float x) {
+    float y = scatteri_cap(scatteri_abs(x), 10.0f);
+    float c = scatteri_floor(y * 256.0f) * 0.00390625f;
+    float r = (y - c) * (y + c);
+    float e = 1.0f - r * (1.0f - r * (0.5f - r * (0.16666667f - r * 0.041666667f)));
+    return scatteri_exp(-c * c) * e;
+}
+
+/* exp(x^2) erfc(x) for x >= 0: (x + 2) times it is a polynomial in (x - 2)/(x + 2); own minimax fit. */
+SCATTERI_FN float scatteri_erfcx(float x) {
+    float t = 1.0f / (x + 2.0f);
+    float s = (x - 2.0f) * t;
+    float p = 8.554996982e-5f;
+    p = p * s + 7.334352529e-5f;
+    p = p * s - 6.021006906e-4f;
+    p = p * s - 8.617089491e-4f;
+    p = p * s + 0.003061419881f;
+    p = p * s + 0.00648721553f;
+    p = p * s - 0.02150439534f;
+    p = p * s - 0.03644342555f;
+    p = p * s + 0.2794716099f;
+    p = p * s - 0.6871606318f;
+    p = p * s + 1.021582711f;
+    return p * t;
+}
+
+/* erf(x): odd polynomial below 1, complement above. */
+SCATTERI_FN float scatteri_erf(float x) {
+    float y = scatteri_cap(scatteri_abs(x), 10.0f);
+    float z = y * y;
+    float p = 7.875875063e-5f;
+    p = p * z - 0.0008016864287f;
+    p = p * z + 0.005189087423f;
+    p = p * z - 0.02685421201f;
+    p = p * z + 0.1128359472f;
+    p = p * z - 0.3761262667f;
+    p = y * (p * z + 1.128379166f);
+    p = scatteri_choose(y, 1.0f, p, 1.0f - scatteri_bell(y) * scatteri_erfcx(y));
+    return scatteri_choose(x, 0.0f, -p, p);
+}
+
+/* >>core: span */
+
+/* Integral of exp(-s^2) over [m - r, m + r] divided by 2 r exp(-m^2), for r < 0.35 and m r < 0.25: the Taylor
+   series in r, the sum of H_2k(m) r^2k / (2k + 1)! with Hermite's polynomials, in q = (m r)^2 and p = r^2. */
+SCATTERI_FN float scatteri_bell_mean(float m, float r) {
+    float p = r * r;
+    float q = (m * r) * (m * r);
+    float s1 = 4.0f * q - 2.0f * p;
+    float s2 = (16.0f * q - 48.0f * p) * q + 12.0f * p * p;
+    float s3 = ((64.0f * q - 480.0f * p) * q + 720.0f * p * p) * q - 120.0f * p * p * p;
+    float s4 = (((256.0f * q - 3584.0f * p) * q + 13440.0f * p * p) * q - 13440.0f * p * p * p) * q;
+    s4 = s4 + 1680.0f * p * p * p * p;
+    return 1.0f + (s1 * 0.16666667f + s2 * 0.0083333333f + (s3 * 1.984127e-4f + s4 * 2.7557319e-6f));
+}
+
+/* erf(y) - erf(x) for x <= y with the half length r = (y - x)/2 given apart, because a short one has no digits
+   left in x and y. Short intervals by their mean, the others by erfc of both ends, which cancels in no tail. */
+SCATTERI_FN float scatteri_erf_span(float x, float y, float r) {
+    float m = 0.5f * (x + y);
+    float c = scatteri_abs(m);
+    float a = scatteri_choose(m, 0.0f, -y, x);
+    float b = scatteri_cap(scatteri_choose(m, 0.0f, -x, y), 10.0f);
+    float d = scatteri_cap(scatteri_abs(a), 10.0f);
+    float size = scatteri_max(r * 0.71428571f, c * r);
+    float e = scatteri_bell(scatteri_choose(size, 0.25f, c, d));
+    float inner = e * scatteri_erfcx(d);
+    float outer = scatteri_bell(b) * scatteri_erfcx(b);
+    float wide = scatteri_choose(a, 0.0f, (2.0f - inner) - outer, inner - outer);
+    float slip = m * ((x - m) + (y - m)); /* what the rounding of m costs */
+    float mean = scatteri_bell_mean(c, r) * (1.0f - slip);
+    return scatteri_choose(size, 0.25f, 2.2567583f * r * e * mean, wide);
+}
+
+/* erf(y) - erf(x), x <= y. */
+SCATTERI_FN float scatteri_erf_difference(float x, float y) {
+    return scatteri_erf_span(x, y, 0.5f * (y - x));
+}
+
+/* >>core: quick */
+
+/* Odd rational approximation of erf for many evaluations: numerator and denominator at z = x^2. Own fit; the
+   ends are clamped where erf is 1 - 3.6e-7. Absolute, not relative error. */
+SCATTERI_FN float scatteri_erf_over(float x, float z) {
+    float p = -1.35163461e-6f;
+    p = p * z + 2.17444422e-4f;
+    p = p * z + 0.00823691029f;
+    p = p * z + 0.065270427f;
+    p = p * z + 0.315476252f;
+    return x * (p * z + 1.128378f);
+}
+
+SCATTERI_FN float scatteri_erf_under(float z) {
+    float q = 0.00195366527f;
+    q = q * z + 0.0237960973f;
+    q = q * z + 0.162197119f;
+    q = q * z + 0.612903195f;
+    return q * z + 1.0f;
+}
+
+/* erf(x) to an absolute error. */
+SCATTERI_FN float scatteri_erf_quick(float x) {
+    float y = scatteri_within(x, 3.6f);
+    float z = y * y;
+    return scatteri_erf_over(y, z) / scatteri_erf_under(z);
+}
+
+/* >>core: integrals */
+
+/* Integral over t in [0, len] of c exp(-a^2 (h2 + (t - m)^2)): optical depth of a Gaussian on a segment,
+   m along the segment to the point closest to the centre, h2 the squared distance there. a > 0. */
+SCATTERI_FN float scatteri_gauss_depth(float a, float c, float h2, float m, float len) {
+    float e = scatteri_exp(-(a * (a * h2)));
+    float s = scatteri_erf_span(-a * m, a * (len - m), 0.5f * a * len);
+    return c * e * s * (0.88622693f / a);
+}
+
+/* The same for inner loops, about a quarter of the cost: the error is relative to the depth of the whole line
+   instead, and the result may fall below 0 by as much. */
+SCATTERI_FN float scatteri_gauss_depth_quick(float a, float c, float h2, float m, float len) {
+    float x = scatteri_within(-a * m, 3.6f);
+    float y = scatteri_within(a * (len - m), 3.6f);
+    float qx = scatteri_erf_under(x * x);
+    float qy = scatteri_erf_under(y * y);
+    float s = scatteri_erf_over(y, y * y) * qx - scatteri_erf_over(x, x * x) * qy;
+    return c * scatteri_exp(-(a * (a * h2))) * (0.88622693f / a) * (s / (qx * qy));
+}
+
+/* (exp(x) - 1)/x, 1 at 0; x <= 88. */
+SCATTERI_FN float scatteri_exprel(float x) {
+    float size = scatteri_abs(x);
+    float y = scatteri_choose(size, 0.5f, x, 0.0f);
+    float d = scatteri_choose(size, 0.5f, 1.0f, x);
+    float p = 0.0001996217623f;
+    p = p * y + 0.001399777338f;
+    p = p * y + 0.008333182072f;
+    p = p * y + 0.04166530419f;
+    p = p * y + 0.1666666714f;
+    p = p * y + 0.5000000426f;
+    p = p * y + 1.0f;
+    return scatteri_choose(size, 0.5f, p, (scatteri_exp(x) - 1.0f) / d);
+}
+
+/* Integral over t in [0, len] of density exp(-(y + dy t - y0)/scale), from the lower and denser end. */
+SCATTERI_FN float scatteri_height_depth(float density, float y0, float scale, float y, float dy, float len) {
+    float low = scatteri_min(y, y + dy * len);
+    float e = scatteri_exp((y0 - low) / scale);
+    return density * e * len * scatteri_exprel(-scatteri_abs(dy) * len / scale);
+}
+
+/* >>core: phase */
+
+/* One or two Draine lobes: (1 - weight) lobe 1 + weight lobe 2. */
+SCATTERI_STRUCT(scatteri_lobes) {
+    float g1, alpha1, g2, alpha2, weight;
+};
+
+/* Draine's phase function, 1/sr, of omc = 1 - cos theta (keeps the digits of narrow lobes); |g| < 1.
+   alpha 0: Henyey-Greenstein; g 0, alpha 1: Rayleigh. Draine 2003, eq. 4. */
+SCATTERI_FN float scatteri_draine(float g, float alpha, float omc) {
+    float h = scatteri_abs(g);
+    float o = scatteri_choose(g, 0.0f, 2.0f - omc, omc);
+    float r = scatteri_rsqrt((1.0f - h) * (1.0f - h) + 2.0f * h * o);
+    float k = 1.0f - omc;
+    float n = (1.0f - h) * (1.0f + h) * (1.0f + alpha * k * k);
+    return 0.079577472f * n * (r * r * r) / (1.0f + alpha * (1.0f + 2.0f * g * g) * 0.33333333f);
+}
+
+SCATTERI_FN float scatteri_phase(scatteri_lobes p, float omc) {
+    return (1.0f - p.weight) * scatteri_draine(p.g1, p.alpha1, omc) +
+           p.weight * scatteri_draine(p.g2, p.alpha2, omc);
+}
+
+/* 1 - cos of the angle between unit vectors, without cancellation. */
+SCATTERI_FN float scatteri_omc(scatter_vec3 a, scatter_vec3 b) {
+    scatter_vec3 d = scatteri_sub(a, b);
+    return 0.5f * scatteri_dot(d, d);
+}
+
+/* A single lobe. */
+SCATTERI_FN scatteri_lobes scatteri_lobe(float g, float alpha) {
+    scatteri_lobes p;
+    p.g1 = g;
+    p.alpha1 = alpha;
+    p.g2 = 0.0f;
+    p.alpha2 = 0.0f;
+    p.weight = 0.0f;
+    return p;
+}
+
+/* >>core: droplets */
+
+/* From numbers in the language's own precision. */
+SCATTERI_FN scatteri_lobes scatteri_two_lobes(scatteri_real g1, scatteri_real g2, scatteri_real alpha2,
+                                              scatteri_real weight) {
+    scatteri_lobes p;
+    p.g1 = SCATTERI_FLOAT(g1);
+    p.alpha1 = 0.0f;
+    p.g2 = SCATTERI_FLOAT(g2);
+    p.alpha2 = SCATTERI_FLOAT(alpha2);
+    p.weight = SCATTERI_FLOAT(weight);
+    return p;
+}
+
+/* Water droplets of diameter d in micrometres, 0 < d <= 50: Jendersie and d'Eon 2023, "An Approximate Mie
+   Scattering Function for Fog and Cloud Rendering", Henyey-Greenstein plus Draine. */
+SCATTERI_FN scatteri_lobes scatteri_droplets(float diameter_um) {
+    scatteri_real d = diameter_um;
+    scatteri_real l = log(d);
+    if (d <= 0.1f)
+        return scatteri_two_lobes(13.8f * d * d, 1.1456f * d * sin(9.29044f * d), 250.0f,
+                                  0.252977f - 312.983f * exp(4.3f * l));
+    if (d < 1.5f)
+        return scatteri_two_lobes(
+            0.862f - 0.143f * l * l,
+            0.379685f * cos(1.19692f * cos((l - 0.238604f) * (l + 1.00667f) / (0.507522f - 0.15677f * l)) +
+                            1.37932f * l + 0.0625835f) + 0.344213f,
+            250.0f, 0.146209f * cos(3.38707f * l + 2.11193f) + 0.316072f + 0.0778917f * l);
+    if (d < 5.0f)
+        return scatteri_two_lobes(
+            0.0604931f * log(l) + 0.940256f, 0.500411f - 0.081287f / (-2.0f * l + tan(l) + 1.27551f),
+            7.30354f * l + 6.31675f, 0.026914f * (l - cos(5.68947f * (log(l) - 0.0292149f))) + 0.376475f);
+    return scatteri_two_lobes(exp(-0.0990567f / (d - 1.67154f)),
+                              exp(-2.20679f / (d + 3.91029f) - 0.428934f),
+                              exp(3.62489f - 8.29288f / (d + 5.52825f)),
+                              exp(-0.599085f / (d - 0.641583f) - 0.665888f));
+}
+
+/* >>core: maps */
+
+/* asinh(x), |x| <= 1e18. */
+SCATTERI_FN float scatteri_asinh(float x) {
+    float y = scatteri_abs(x);
+    float z = scatteri_cap(y * y, 1.0f);
+    float p = -0.01307441524f;
+    p = p * z + 0.02806019724f;
+    p = p * z - 0.04435832065f;
+    p = p * z + 0.07498380894f;
+    p = p * z - 0.1666663246f;
+    p = y * (p * z + 0.9999999988f);
+    p = scatteri_choose(y, 0.5f, p, scatteri_log(y + scatteri_sqrt(y * y + 1.0f)));
+    return scatteri_choose(x, 0.0f, -p, p);
+}
+
+/* sinh(u), |u| <= 88. */
+SCATTERI_FN float scatteri_sinh(float u) {
+    float z = scatteri_cap(u * u, 1.0f);
+    float p = 2.819018793e-6f;
+    p = p * z + 1.983571388e-4f;
+    p = p * z + 8.333353206e-3f;
+    p = p * z + 0.1666666642f;
+    p = u + u * z * p;
+    return scatteri_choose(u * u, 1.0f, p, 0.5f * scatteri_exp(u) - 0.5f * scatteri_exp(-u));
+}
+
+/* cosh(u), |u| <= 88. */
+SCATTERI_FN float scatteri_cosh(float u) {
+    return 0.5f * scatteri_exp(u) + 0.5f * scatteri_exp(-u);
+}
+
+/* Node in (-1, 1), ascending with i = 0..n-1, and weight (the weights sum to 2) of Gauss-Legendre quadrature
+   with n = 1..256 nodes: Newton from Tricomi's guess. */
+SCATTERI_FN scatteri_vec2 scatteri_legendre(int i, int n) {
+    scatteri_real m = SCATTERI_REAL(n);
+    scatteri_real x = -cos(3.14159265f * (SCATTERI_REAL(i) + 0.75f) / (m + 0.5f)) *
+                      (1.0f - (m - 1.0f) / (8.0f * m * m * m));
+    scatteri_real slope = 1.0f;
+    for (int turn = 0; turn < 4; turn++) {
+        scatteri_real before = 0.0f;
+        scatteri_real p = 1.0f;
+        for (int k = 0; k < n; k++) {
+            scatteri_real j = SCATTERI_REAL(k);
+            scatteri_real after = ((2.0f * j + 1.0f) * x * p - j * before) / (j + 1.0f);
+            before = p;
+            p = after;
+        }
+        slope = m * (x * p - before) / (x * x - 1.0f);
+        x = x - p / slope;
+    }
+    return scatteri_v2(SCATTERI_FLOAT(x), SCATTERI_FLOAT(2.0f / ((1.0f - x * x) * slope * slope)));
+}
+
+/* Direction of any length but 0 to the square [-1, 1]^2: the octahedron, its lower half folded outward. */
+SCATTERI_FN scatteri_vec2 scatteri_oct_encode(scatter_vec3 d) {
+    float s = 1.0f / scatteri_max(scatteri_abs(d.x) + scatteri_abs(d.y) + scatteri_abs(d.z), 1.0e-30f);
+    float u = d.x * s;
+    float v = d.y * s;
+    float fu = (1.0f - scatteri_abs(v)) * (u < 0.0f ? -1.0f : 1.0f);
+    float fv = (1.0f - scatteri_abs(u)) * (v < 0.0f ? -1.0f : 1.0f);
+    return scatteri_v2(scatteri_choose(d.z, 0.0f, fu, u), scatteri_choose(d.z, 0.0f, fv, v));
+}
+
+/* Square [-1, 1]^2 to unit direction. */
+SCATTERI_FN scatter_vec3 scatteri_oct_decode(scatteri_vec2 uv) {
+    float z = 1.0f - scatteri_abs(uv.x) - scatteri_abs(uv.y);
+    float t = scatteri_max(-z, 0.0f);
+    float x = uv.x + scatteri_choose(uv.x, 0.0f, t, -t);
+    float y = uv.y + scatteri_choose(uv.y, 0.0f, t, -t);
+    return scatteri_normalize(scatteri_v3(x, y, z));
+}
+
+/* a at f = 0, b at f = 1. */
+SCATTERI_FN float scatteri_lerp(float a, float b, float f) {
+    return a + (b - a) * f;
+}
+
+/* Between the eight corners vxyz of a cell; fx, fy, fz in 0..1. */
+SCATTERI_FN float scatteri_trilinear(float v000, float v100, float v010, float v110, float v001, float v101,
+                                     float v011, float v111, float fx, float fy, float fz) {
+    float y0z0 = scatteri_lerp(v000, v100, fx);
+    float y1z0 = scatteri_lerp(v010, v110, fx);
+    float y0z1 = scatteri_lerp(v001, v101, fx);
+    float y1z1 = scatteri_lerp(v011, v111, fx);
+    return scatteri_lerp(scatteri_lerp(y0z0, y1z0, fy), scatteri_lerp(y0z1, y1z1, fy), fz);
+}
+
+/* >>core: tone */
+
+/* Luminance of linear Rec. 709 RGB. */
+SCATTERI_FN float scatteri_luminance(scatter_vec3 rgb) {
+    return 0.2126f * rgb.x + 0.7152f * rgb.y + 0.0722f * rgb.z;
+}
+
+/* Reinhard 2002, eq. 4: l (1 + l/white^2)/(1 + l); white <= 0: l/(1 + l). */
+SCATTERI_FN float scatteri_reinhard(float l, float white) {
+    float w = white > 0.0f ? white : 1.0f;
+    float k = scatteri_choose(0.0f, white, l / (w * w), 0.0f);
+    return l * (1.0f + k) / (1.0f + l);
+}
+
+/* 0 below e0, 1 above e1, 3t^2 - 2t^3 between; a step where e0 = e1. */
+SCATTERI_FN float scatteri_smoothstep(float e0, float e1, float x) {
+    float d = e1 > e0 ? e1 - e0 : 1.0f;
+    float s = scatteri_choose(e0, e1, (x - e0) / d, x < e1 ? 0.0f : 1.0f);
+    float t = scatteri_min(scatteri_max(s, 0.0f), 1.0f);
+    return t * t * (3.0f - 2.0f * t);
+}
+
+/* Fraction of a spot's intensity at cosine c to its axis. */
+SCATTERI_FN float scatteri_spot(float cos_inner, float cos_outer, float c) {
+    return scatteri_smoothstep(cos_outer, cos_inner, c);
+}
+
+/* >>core end */
+
+/* -------------------------------------------------------------------------------------------- >>log */
+
+/* Every refusal passes through here: set a breakpoint. */
+static scatter_result scatteri_fail(const scatter_host *host, scatter_result result, const char *format, ...)
+{
+    char sentence[256];
+    va_list arguments;
+    if (host != NULL && host->log != NULL) {
+        va_start(arguments, format);
+        vsnprintf(sentence, sizeof sentence, format, arguments);
+        va_end(arguments);
+        host->log(host->user, result, sentence);
+    }
+    return result;
+}
+
+/* ----------------------------------------------------------------------------------------- >>memory */
+
+static scatter_host scatteri_host_or_default(const scatter_host *host)
+{
+    scatter_host none;
+    memset(&none, 0, sizeof none);
+    return host != NULL ? *host : none;
+}
+
+static void *scatteri_allocate(const scatter_host *host, size_t bytes)
+{
+    return host->allocate != NULL ? host->allocate(host->user, bytes) : malloc(bytes);
+}
+
+static void scatteri_release(const scatter_host *host, void *memory)
+{
+    if (memory == NULL)
+        return;
+    if (host->release != NULL)
+        host->release(host->user, memory);
+    else
+        free(memory);
+}
+
+/* Memory that only grows; its content is lost when it does. */
+typedef struct scatteri_buffer {
+    void *data;
+    size_t bytes;
+} scatteri_buffer;
+
+static scatter_result scatteri_reserve(const scatter_host *host, scatteri_buffer *buffer, size_t bytes,
+                                       const char *purpose)
+{
+    void *data;
+    if (bytes <= buffer->bytes)
+        return SCATTER_OK;
+    data = scatteri_allocate(host, bytes);
+    if (data == NULL)
+        return scatteri_fail(host, SCATTER_OUT_OF_MEMORY, "host.allocate gave no %lu bytes for %s",
+                             (unsigned long)bytes, purpose);
+    scatteri_release(host, buffer->data);
+    buffer->data = data;
+    buffer->bytes = bytes;
+    return SCATTER_OK;
+}
+
+static void scatteri_drop(const scatter_host *host, scatteri_buffer *buffer)
+{
+    scatteri_release(host, buffer->data);
+    buffer->data = NULL;
+    buffer->bytes = 0;
+}
+
+/* a*b*c*size, or 0 if that is more than fits into an int of elements or a size_t of bytes. */
+static size_t scatteri_bytes(size_t a, size_t b, size_t c, size_t size)
+{
+    const size_t most = (size_t)INT_MAX < SIZE_MAX / size ? (size_t)INT_MAX : SIZE_MAX / size;
+    if (a == 0 || b == 0 || c == 0 || a > most || b > most / a || c > most / a / b)
+        return 0;
+    return a * b * c * size;
+}
+
+static void scatteri_parallel(const scatter_host *host, int count, void (*task)(void *, int), void *data)
+{
+    int i;
+    if (host->parallel_for != NULL) {
+        host->parallel_for(host->user, count, task, data);
+        return;
+    }
+    for (i = 0; i < count; i++)
+        task(data, i);
+}
+
+/* ----------------------------------------------------------------------------------------- >>medium
+   Density D(x) of all terms, its integral along segments in closed form, and its injection into volumes.
+   "Analytic" terms are constant and height fog, "local" ones Gaussians and grids. */
+
+static float scatteri_get(scatter_vec3 v, int axis)
+{
+    return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
+}
+
+/* Part of the ray origin + t direction inside the box: shrinks [*t0, *t1]; 0 if nothing is left. */
+static int scatteri_clip(scatter_box box, scatter_vec3 origin, scatter_vec3 direction, float *t0, float *t1)
+{
+    int axis;
+    for (axis = 0; axis < 3; axis++) {
+        const float o = scatteri_get(origin, axis), u = scatteri_get(direction, axis);
+        const float lo = scatteri_get(box.min, axis) - o, hi = scatteri_get(box.max, axis) - o;
+        float near = SCATTERI_FAR, far = -SCATTERI_FAR;
+        if (u != 0.0f) {
+            near = (u > 0.0f ? lo : hi) / u;
+            far = (u > 0.0f ? hi : lo) / u;
+        } else if (lo <= 0.0f && hi >= 0.0f) {
+            continue;
+        }
+        *t0 = near > *t0 ? near : *t0;
+        *t1 = far < *t1 ? far : *t1;
+    }
+    return *t0 < *t1;
+}
+
+static int scatteri_inside(scatter_box box, scatter_vec3 x)
+{
+    return x.x >= box.min.x && x.x <= box.max.x && x.y >= box.min.y && x.y <= box.max.y && x.z >= box.min.z &&
+           x.z <= box.max.z;
+}
+
+static scatter_vec3 scatteri_along(scatter_vec3 origin, scatter_vec3 direction, float t)
+{
+    return scatteri_add(origin, scatteri_scale(direction, t));
+}
+
+/* --- voxels --- */
+
+/* A grid prepared for sampling, with a mask of bricks that holds 0 where the field is certainly 0. */
+typedef struct scatteri_field {
+    scatter_grid grid;
+    scatter_vec3 per_metre; /* voxels per metre */
+    float scale;
+    unsigned char *bricks;  /* NULL: no mask */
+    int bx, by, bz;
+} scatteri_field;
+
+static scatteri_field scatteri_field_of(const scatter_grid *grid)
+{
+    scatteri_field field;
+    memset(&field, 0, sizeof field);
+    field.grid = *grid;
+    field.per_metre = scatteri_v3((float)grid->nx / (grid->box.max.x - grid->box.min.x),
+                                  (float)grid->ny / (grid->box.max.y - grid->box.min.y),
+                                  (float)grid->nz / (grid->box.max.z - grid->box.min.z));
+    field.scale = grid->scale != 0.0f ? grid->scale : 1.0f;
+    field.bx = (grid->nx - 1) / SCATTERI_BRICK + 1;
+    field.by = (grid->ny - 1) / SCATTERI_BRICK + 1;
+    field.bz = (grid->nz - 1) / SCATTERI_BRICK + 1;
+    return field;
+}
+
+static float scatteri_voxel(const scatter_grid *grid, int i, int j, int k)
+{
+    return grid->density[((size_t)k * (size_t)grid->ny + (size_t)j) * (size_t)grid->nx + (size_t)i];
+}
+
+static int scatteri_clamp_int(int value, int low, int high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+static float scatteri_clamp(float value, float low, float high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+/* Trilinear value at voxel-centre coordinates g (voxel i at g = i), clamped to the outermost centres. */
+static float scatteri_voxels_at(const scatter_grid *grid, scatter_vec3 g)
+{
+    const float gx = scatteri_clamp(g.x, 0.0f, (float)(grid->nx - 1));
+    const float gy = scatteri_clamp(g.y, 0.0f, (float)(grid->ny - 1));
+    const float gz = scatteri_clamp(g.z, 0.0f, (float)(grid->nz - 1));
+    const int i = (int)gx, j = (int)gy, k = (int)gz;
+    const int i1 = i + 1 < grid->nx ? i + 1 : i, j1 = j + 1 < grid->ny ? j + 1 : j;
+    const int k1 = k + 1 < grid->nz ? k + 1 : k;
+    return scatteri_trilinear(scatteri_voxel(grid, i, j, k), scatteri_voxel(grid, i1, j, k),
+                              scatteri_voxel(grid, i, j1, k), scatteri_voxel(grid, i1, j1, k),
+                              scatteri_voxel(grid, i, j, k1), scatteri_voxel(grid, i1, j, k1),
+                              scatteri_voxel(grid, i, j1, k1), scatteri_voxel(grid, i1, j1, k1),
+                              gx - (float)i, gy - (float)j, gz - (float)k);
+}
+
+static scatter_vec3 scatteri_voxel_coordinates(const scatteri_field *field, scatter_vec3 x)
+{
+    const scatter_vec3 g = scatteri_mul(scatteri_sub(x, field->grid.box.min), field->per_metre);
+    return scatteri_sub(g, scatteri_v3(0.5f, 0.5f, 0.5f));
+}
+
+static float scatteri_field_at(const scatteri_field *field, scatter_vec3 x)
+{
+    if (!scatteri_inside(field->grid.box, x))
+        return 0.0f;
+    return field->scale * scatteri_voxels_at(&field->grid, scatteri_voxel_coordinates(field, x));
+}
+
+/* Next t > t at which g + t dg crosses a plane through voxel centres on one axis; g is clamped outside 0..n-1. */
+static double scatteri_crossing(double g, double dg, double t, int n)
+{
+    const double at = g + dg * t;
+    double plane = dg > 0.0 ? floor(at + 1e-7) + 1.0 : ceil(at - 1e-7) - 1.0;
+    if (dg == 0.0)
+        return (double)SCATTERI_FAR;
+    if (dg > 0.0 ? plane < 0.0 : plane > (double)(n - 1))
+        plane = dg > 0.0 ? 0.0 : (double)(n - 1);
+    if (plane < 0.0 || plane > (double)(n - 1))
+        return (double)SCATTERI_FAR;
+    return (plane - g) / dg;
+}
+
+/* Integral of the field over the segment, exact: between the planes through the voxel centres the field along a
+   straight line is a cubic polynomial, which two Gauss-Legendre points integrate exactly. */
+static float scatteri_field_depth(const scatteri_field *field, scatter_vec3 p, scatter_vec3 direction, float length)
+{
+    const double gauss = 0.21132486540518712; /* (1 - 1/sqrt 3) / 2 */
+    float t0 = 0.0f, t1 = length;
+    scatter_vec3 g, dg;
+    double sum = 0.0, t;
+    if (!scatteri_clip(field->grid.box, p, direction, &t0, &t1))
+        return 0.0f;
+    g = scatteri_voxel_coordinates(field, scatteri_along(p, direction, t0));
+    dg = scatteri_mul(direction, field->per_metre);
+    t = 0.0;
+    t1 -= t0;
+    while (t < (double)t1) {
+        double next = (double)t1, step, a, b;
+        a = scatteri_crossing((double)g.x, (double)dg.x, t, field->grid.nx);
+        next = a < next ? a : next;
+        a = scatteri_crossing((double)g.y, (double)dg.y, t, field->grid.ny);
+        next = a < next ? a : next;
+        a = scatteri_crossing((double)g.z, (double)dg.z, t, field->grid.nz);
+        next = a < next ? a : next;
+        step = next - t;
+        a = (double)scatteri_voxels_at(&field->grid, scatteri_along(g, dg, (float)(t + gauss * step)));
+        b = (double)scatteri_voxels_at(&field->grid, scatteri_along(g, dg, (float)(next - gauss * step)));
+        sum += 0.5 * step * (a + b);
+        t = next > t ? next : (double)t1;
+    }
+    return field->scale * (float)sum;
+}
+
+/* Adds the field at 16 points. */
+SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, const float *SCATTERI_RESTRICT x,
+                                             const float *SCATTERI_RESTRICT y, const float *SCATTERI_RESTRICT z,
+                                             float *SCATTERI_RESTRICT density)
+{
+    const scatter_box box = field->grid.box;
+    const scatter_vec3 per = field->per_metre;
+    const float *voxels = field->grid.density;
+    const int nx = field->grid.nx, ny = field->grid.ny, nz = field->grid.nz, slice = nx * ny;
+    const float mx = (float)(nx - 1), my = (float)(ny - 1), mz = (float)(nz - 1);
+    int base[SCATTERI_LANES], step_x[SCATTERI_LANES], step_y[SCATTERI_LANES], step_z[SCATTERI_LANES], l;
+    float fx[SCATTERI_LANES], fy[SCATTERI_LANES], fz[SCATTERI_LANES], scale[SCATTERI_LANES];
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float gx = scatteri_clamp((x[l] - box.min.x) * per.x - 0.5f, 0.0f, mx);
+        const float gy = scatteri_clamp((y[l] - box.min.y) * per.y - 0.5f, 0.0f, my);
+        const float gz = scatteri_clamp((z[l] - box.min.z) * per.z - 0.5f, 0.0f, mz);
+        const int i = (int)gx, j = (int)gy, k = (int)gz;
+        const int inside = (x[l] >= box.min.x) & (x[l] <= box.max.x) & (y[l] >= box.min.y) &
+                           (y[l] <= box.max.y) & (z[l] >= box.min.z) & (z[l] <= box.max.z);
+        base[l] = k * slice + j * nx + i;
+        step_x[l] = i + 1 < nx ? 1 : 0;
+        step_y[l] = j + 1 < ny ? nx : 0;
+        step_z[l] = k + 1 < nz ? slice : 0;
+        fx[l] = gx - (float)i;
+        fy[l] = gy - (float)j;
+        fz[l] = gz - (float)k;
+        scale[l] = inside ? field->scale : 0.0f;
+    }
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const int b = base[l], sx = step_x[l], sy = step_y[l], sz = step_z[l];
+        density[l] += scale[l] * scatteri_trilinear(voxels[b], voxels[b + sx], voxels[b + sy], voxels[b + sy + sx],
+                                                    voxels[b + sz], voxels[b + sz + sx], voxels[b + sz + sy],
+                                                    voxels[b + sz + sy + sx], fx[l], fy[l], fz[l]);
+    }
+}
+
+/* Marks bricks whose trilinear support holds a voxel that is not 0; the mask must have room for bx*by*bz. */
+static void scatteri_mark_bricks(scatteri_field *field)
+{
+    const scatter_grid *grid = &field->grid;
+    int i, j, k;
+    memset(field->bricks, 0, (size_t)field->bx * (size_t)field->by * (size_t)field->bz);
+    for (k = 0; k < grid->nz; k++)
+        for (j = 0; j < grid->ny; j++)
+            for (i = 0; i < grid->nx; i++) {
+                int di, dj, dk;
+                if (!(scatteri_voxel(grid, i, j, k) != 0.0f))
+                    continue;
+                for (dk = -1; dk <= 1; dk++)
+                    for (dj = -1; dj <= 1; dj++)
+                        for (di = -1; di <= 1; di++) {
+                            const int b = scatteri_clamp_int(i + di, 0, grid->nx - 1) / SCATTERI_BRICK;
+                            const int c = scatteri_clamp_int(j + dj, 0, grid->ny - 1) / SCATTERI_BRICK;
+                            const int d = scatteri_clamp_int(k + dk, 0, grid->nz - 1) / SCATTERI_BRICK;
+                            field->bricks[(d * field->by + c) * field->bx + b] = 1;
+                        }
+            }
+}
+
+static int scatteri_brick_of(float voxel, int count)
+{
+    return scatteri_clamp_int((int)scatteri_clamp(voxel, 0.0f, 1e9f) / SCATTERI_BRICK, 0, count - 1);
+}
+
+/* 0 if the field is certainly 0 on the segment p..q: looks at the bricks of the segment's bounding box. */
+static int scatteri_may_be_filled(const scatteri_field *field, scatter_vec3 p, scatter_vec3 q)
+{
+    const scatter_vec3 a = scatteri_voxel_coordinates(field, p), b = scatteri_voxel_coordinates(field, q);
+    const int i0 = scatteri_brick_of(a.x < b.x ? a.x : b.x, field->bx);
+    const int i1 = scatteri_brick_of((a.x < b.x ? b.x : a.x) + 1.0f, field->bx);
+    const int j0 = scatteri_brick_of(a.y < b.y ? a.y : b.y, field->by);
+    const int j1 = scatteri_brick_of((a.y < b.y ? b.y : a.y) + 1.0f, field->by);
+    const int k0 = scatteri_brick_of(a.z < b.z ? a.z : b.z, field->bz);
+    const int k1 = scatteri_brick_of((a.z < b.z ? b.z : a.z) + 1.0f, field->bz);
+    int i, j, k;
+    if (field->bricks == NULL)
+        return 1;
+    for (k = k0; k <= k1; k++)
+        for (j = j0; j <= j1; j++)
+            for (i = i0; i <= i1; i++)
+                if (field->bricks[(k * field->by + j) * field->bx + i] != 0)
+                    return 1;
+    return 0;
+}
+
+/* --- one term at a time --- */
+
+/* a^2 r^2 beyond which a Gaussian is dropped: exp(-14) = 8e-7 of its centre, less for large amplitudes, so that
+   what is dropped stays below 1e-6 of a metre of optical depth. */
+static float scatteri_reach(scatter_gaussian g)
+{
+    const float amplitude = g.c * 1.77245385f / g.a;
+    return 14.0f + (amplitude > 1.0f ? scatteri_log(amplitude) : 0.0f);
+}
+
+static float scatteri_analytic_density(const scatter_medium *medium, float y)
+{
+    float density = medium->constant;
+    size_t i;
+    for (i = 0; i < medium->height_count; i++) {
+        const scatter_height h = medium->heights[i];
+        const float exponent = (h.y0 - y) / h.scale;
+        density += h.density * scatteri_exp(exponent < 80.0f ? exponent : 80.0f);
+    }
+    return density;
+}
+
+static float scatteri_analytic_depth(const scatter_medium *medium, float y, float dy, float length)
+{
+    float depth = medium->constant * length;
+    size_t i;
+    for (i = 0; i < medium->height_count; i++) {
+        const scatter_height h = medium->heights[i];
+        depth += scatteri_height_depth(h.density, h.y0, h.scale, y, dy, length);
+    }
+    return depth < SCATTERI_FAR ? depth : SCATTERI_FAR;
+}
+
+static float scatteri_gaussian_depth(scatter_gaussian g, scatter_vec3 p, scatter_vec3 direction, float length)
+{
+    const scatter_vec3 to = scatteri_sub(g.center, p);
+    const float m = scatteri_dot(to, direction);
+    const scatter_vec3 off = scatteri_sub(to, scatteri_scale(direction, m));
+    return scatteri_gauss_depth(g.a, g.c, scatteri_dot(off, off), m, length);
+}
+
+/* Depth of the local terms from p over `length` metres, inside the bounds if there are any. */
+static float scatteri_local_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 direction, float length)
+{
+    float depth = 0.0f;
+    size_t i;
+    for (i = 0; i < medium->gaussian_count; i++)
+        depth += scatteri_gaussian_depth(medium->gaussians[i], p, direction, length);
+    for (i = 0; i < medium->grid_count; i++) {
+        const scatteri_field field = scatteri_field_of(&medium->grids[i]);
+        depth += scatteri_field_depth(&field, p, direction, length);
+    }
+    return depth;
+}
+
+static int scatteri_bounded(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 direction, float *t0, float *t1)
+{
+    return !medium->bounded || scatteri_clip(medium->bounds, p, direction, t0, t1);
+}
+
+SCATTER_API float scatter_density(const scatter_medium *medium, scatter_vec3 x)
+{
+    float density = scatteri_analytic_density(medium, x.y);
+    size_t i;
+    if (medium->bounded && !scatteri_inside(medium->bounds, x))
+        return 0.0f;
+    for (i = 0; i < medium->gaussian_count; i++) {
+        const scatter_gaussian g = medium->gaussians[i];
+        const scatter_vec3 d = scatteri_scale(scatteri_sub(x, g.center), g.a);
+        density += g.c * scatteri_exp(-scatteri_dot(d, d));
+    }
+    for (i = 0; i < medium->grid_count; i++) {
+        const scatteri_field field = scatteri_field_of(&medium->grids[i]);
+        density += scatteri_field_at(&field, x);
+    }
+    return density;
+}
+
+SCATTER_API float scatter_optical_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q)
+{
+    const scatter_vec3 pq = scatteri_sub(q, p);
+    const float length = scatteri_length(pq);
+    const scatter_vec3 direction = scatteri_scale(pq, length > 0.0f ? 1.0f / length : 0.0f);
+    float t0 = 0.0f, t1 = length;
+    scatter_vec3 start;
+    if (!(length > 0.0f) || !scatteri_bounded(medium, p, direction, &t0, &t1))
+        return 0.0f;
+    start = scatteri_along(p, direction, t0);
+    return scatteri_analytic_depth(medium, start.y, direction.y, t1 - t0) +
+           scatteri_local_depth(medium, start, direction, t1 - t0);
+}
+
+/* --- the prepared medium --- */
+
+/* Gaussians as arrays, padded to whole lanes with entries that reach nowhere. */
+typedef struct scatteri_gaussians {
+    int count, padded;
+    float *x, *y, *z, *a, *c, *reach;
+} scatteri_gaussians;
+
+typedef struct scatteri_medium {
+    scatter_medium desc;          /* arrays point into `memory`, voxels to the host's */
+    scatteri_gaussians gaussians;
+    scatteri_field *fields;       /* one for each grid */
+    scatteri_lobes lobes;
+    scatter_box local;            /* outside, the local terms are 0 */
+    int has_local, has_analytic, gray;
+    float sigma_least;            /* of the channels with extinction; 0 if none has */
+    float sigma_most;
+    scatteri_buffer memory, bricks;
+} scatteri_medium;
+
+static scatteri_lobes scatteri_lobes_of(const scatter_phase *phase)
+{
+    switch (phase->kind) {
+    case SCATTER_PHASE_HG: return scatteri_lobe(phase->g, 0.0f);
+    case SCATTER_PHASE_RAYLEIGH: return scatteri_lobe(0.0f, 1.0f);
+    case SCATTER_PHASE_DRAINE: return scatteri_lobe(phase->g, phase->alpha);
+    case SCATTER_PHASE_DROPLETS: return scatteri_droplets(phase->diameter_um);
+    case SCATTER_PHASE_ISOTROPIC: break;
+    }
+    return scatteri_lobe(0.0f, 0.0f);
+}
+
+SCATTER_API float scatter_phase_value(const scatter_phase *phase, float cos_theta)
+{
+    return scatteri_phase(scatteri_lobes_of(phase), 1.0f - scatteri_clamp(cos_theta, -1.0f, 1.0f));
+}
+
+static void scatteri_grow(scatter_box *box, scatter_vec3 low, scatter_vec3 high)
+{
+    box->min.x = low.x < box->min.x ? low.x : box->min.x;
+    box->min.y = low.y < box->min.y ? low.y : box->min.y;
+    box->min.z = low.z < box->min.z ? low.z : box->min.z;
+    box->max.x = high.x > box->max.x ? high.x : box->max.x;
+    box->max.y = high.y > box->max.y ? high.y : box->max.y;
+    box->max.z = high.z > box->max.z ? high.z : box->max.z;
+}
+
+static void scatteri_shrink(scatter_box *box, scatter_box by)
+{
+    box->min.x = by.min.x > box->min.x ? by.min.x : box->min.x;
+    box->min.y = by.min.y > box->min.y ? by.min.y : box->min.y;
+    box->min.z = by.min.z > box->min.z ? by.min.z : box->min.z;
+    box->max.x = by.max.x < box->max.x ? by.max.x : box->max.x;
+    box->max.y = by.max.y < box->max.y ? by.max.y : box->max.y;
+    box->max.z = by.max.z < box->max.z ? by.max.z : box->max.z;
+}
+
+/* Box of the Gaussians' supports and the grids, cut to the bounds. */
+static void scatteri_find_local(scatteri_medium *medium)
+{
+    const scatter_medium *desc = &medium->desc;
+    const scatter_vec3 far = {SCATTERI_FAR, SCATTERI_FAR, SCATTERI_FAR};
+    size_t i;
+    medium->local.min = far;
+    medium->local.max = scatteri_scale(far, -1.0f);
+    for (i = 0; i < desc->gaussian_count; i++) {
+        const scatter_gaussian g = desc->gaussians[i];
+        const float r = scatteri_sqrt(scatteri_reach(g)) / g.a;
+        const scatter_vec3 reach = {r, r, r};
+        if (g.c > 0.0f)
+            scatteri_grow(&medium->local, scatteri_sub(g.center, reach), scatteri_add(g.center, reach));
+    }
+    for (i = 0; i < desc->grid_count; i++)
+        scatteri_grow(&medium->local, desc->grids[i].box.min, desc->grids[i].box.max);
+    if (desc->bounded)
+        scatteri_shrink(&medium->local, desc->bounds);
+    medium->has_local = medium->local.min.x < medium->local.max.x && medium->local.min.y < medium->local.max.y &&
+                        medium->local.min.z < medium->local.max.z;
+}
+
+static void scatteri_fill_gaussians(scatteri_gaussians *out, const scatter_gaussian *in, float *memory)
+{
+    const size_t n = (size_t)out->padded;
+    int i;
+    out->x = memory;
+    out->y = memory + n;
+    out->z = memory + 2 * n;
+    out->a = memory + 3 * n;
+    out->c = memory + 4 * n;
+    out->reach = memory + 5 * n;
+    for (i = 0; i < out->padded; i++) {
+        const int real = i < out->count && in[i].c > 0.0f;
+        out->x[i] = real ? in[i].center.x : 0.0f;
+        out->y[i] = real ? in[i].center.y : 0.0f;
+        out->z[i] = real ? in[i].center.z : 0.0f;
+        out->a[i] = real ? in[i].a : 1.0f;
+        out->c[i] = real ? in[i].c : 0.0f;
+        out->reach[i] = real ? scatteri_reach(in[i]) : -1.0f;
+    }
+}
+
+/* Colour and phase, which no volume depends on. */
+static void scatteri_take_optics(scatteri_medium *medium, const scatter_medium *desc)
+{
+    const scatter_vec3 s = desc->extinction;
+    const float least_xy = s.x > 0.0f && (s.x < s.y || !(s.y > 0.0f)) ? s.x : s.y;
+    medium->desc.extinction = s;
+    medium->desc.albedo = desc->albedo;
+    medium->desc.emission = desc->emission;
+    medium->desc.phase = desc->phase;
+    medium->lobes = scatteri_lobes_of(&desc->phase);
+    medium->gray = s.x == s.y && s.y == s.z;
+    medium->sigma_least = least_xy > 0.0f && (least_xy < s.z || !(s.z > 0.0f)) ? least_xy : s.z;
+    medium->sigma_most = s.x > s.y ? s.x : s.y;
+    medium->sigma_most = s.z > medium->sigma_most ? s.z : medium->sigma_most;
+}
+
+static scatter_result scatteri_prepare_fields(const scatter_host *host, scatteri_medium *medium)
+{
+    size_t bytes = 0, i;
+    scatter_result result;
+    unsigned char *mask;
+    for (i = 0; i < medium->desc.grid_count; i++) {
+        medium->fields[i] = scatteri_field_of(&medium->desc.grids[i]);
+        bytes += (size_t)medium->fields[i].bx * (size_t)medium->fields[i].by * (size_t)medium->fields[i].bz;
+    }
+    result = scatteri_reserve(host, &medium->bricks, bytes, "the mask of empty voxels");
+    if (result != SCATTER_OK)
+        return result;
+    mask = (unsigned char *)medium->bricks.data;
+    for (i = 0; i < medium->desc.grid_count; i++) {
+        medium->fields[i].bricks = mask;
+        scatteri_mark_bricks(&medium->fields[i]);
+        mask += (size_t)medium->fields[i].bx * (size_t)medium->fields[i].by * (size_t)medium->fields[i].bz;
+    }
+    return SCATTER_OK;
+}
+
+/* Copies the description and prepares it. */
+static scatter_result scatteri_prepare(const scatter_host *host, scatteri_medium *medium, const scatter_medium *desc)
+{
+    const size_t padded = (desc->gaussian_count + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
+    const size_t gaussians = desc->gaussian_count * sizeof(scatter_gaussian);
+    const size_t heights = desc->height_count * sizeof(scatter_height);
+    const size_t grids = desc->grid_count * sizeof(scatter_grid);
+    const size_t fields = desc->grid_count * sizeof(scatteri_field);
+    const size_t arrays = padded * 6 * sizeof(float);
+    const scatter_result result =
+        scatteri_reserve(host, &medium->memory, fields + grids + gaussians + heights + arrays, "the medium");
+    char *memory = (char *)medium->memory.data;
+    if (result != SCATTER_OK)
+        return result;
+    medium->desc = *desc;
+    medium->has_analytic = desc->constant > 0.0f || desc->height_count > 0;
+    scatteri_take_optics(medium, desc);
+    medium->fields = (scatteri_field *)(void *)memory;
+    memory += fields;
+    if (grids > 0)
+        medium->desc.grids = (const scatter_grid *)memcpy(memory, desc->grids, grids);
+    memory += grids;
+    if (gaussians > 0)
+        medium->desc.gaussians = (const scatter_gaussian *)memcpy(memory, desc->gaussians, gaussians);
+    memory += gaussians;
+    if (heights > 0)
+        medium->desc.heights = (const scatter_height *)memcpy(memory, desc->heights, heights);
+    memory += heights;
+    medium->gaussians.count = (int)desc->gaussian_count;
+    medium->gaussians.padded = (int)padded;
+    scatteri_fill_gaussians(&medium->gaussians, desc->gaussians, (float *)(void *)memory);
+    scatteri_find_local(medium);
+    return scatteri_prepare_fields(host, medium);
+}
+
+static int scatteri_same(const void *a, const void *b, size_t count, size_t size)
+{
+    return count == 0 || memcmp(a, b, count * size) == 0;
+}
+
+static int scatteri_same_box(scatter_box a, scatter_box b)
+{
+    return a.min.x == b.min.x && a.min.y == b.min.y && a.min.z == b.min.z && a.max.x == b.max.x &&
+           a.max.y == b.max.y && a.max.z == b.max.z;
+}
+
+static int scatteri_same_grid(const scatter_grid *a, const scatter_grid *b)
+{
+    return a->density == b->density && a->nx == b->nx && a->ny == b->ny && a->nz == b->nz &&
+           scatteri_same_box(a->box, b->box) && a->scale == b->scale && a->version == b->version;
+}
+
+/* Whether density is the same everywhere, as far as the descriptions tell. */
+static int scatteri_same_density(const scatter_medium *a, const scatter_medium *b)
+{
+    size_t i;
+    if (a->bounded != b->bounded || (a->bounded && !scatteri_same_box(a->bounds, b->bounds)) ||
+        a->constant != b->constant || a->height_count != b->height_count ||
+        a->gaussian_count != b->gaussian_count || a->grid_count != b->grid_count ||
+        !scatteri_same(a->heights, b->heights, a->height_count, sizeof(scatter_height)) ||
+        !scatteri_same(a->gaussians, b->gaussians, a->gaussian_count, sizeof(scatter_gaussian)))
+        return 0;
+    for (i = 0; i < a->grid_count; i++)
+        if (!scatteri_same_grid(&a->grids[i], &b->grids[i]))
+            return 0;
+    return 1;
+}
+
+static void scatteri_drop_medium(const scatter_host *host, scatteri_medium *medium)
+{
+    scatteri_drop(host, &medium->memory);
+    scatteri_drop(host, &medium->bricks);
+}
+
+/* --- inject --- */
+
+typedef struct scatteri_injection {
+    const scatter_medium *medium;
+    scatter_volume volume;
+    scatter_vec3 cell; /* m */
+    int analytic;      /* with constant and height fog */
+    int slabs;
+} scatteri_injection;
+
+enum { SCATTERI_ROW = 512, SCATTERI_SLABS = 16 };
+
+static float scatteri_cell_center(float low, float cell, int i)
+{
+    return low + ((float)i + 0.5f) * cell;
+}
+
+/* First and one past the last cell whose centre is within r of x on one axis. */
+static void scatteri_overlap(float x, float r, float low, float cell, int n, int *first, int *end)
+{
+    const float a = scatteri_clamp((x - r - low) / cell - 0.5f, 0.0f, (float)n);
+    const float b = scatteri_clamp((x + r - low) / cell + 0.5f, 0.0f, (float)n);
+    *first = (int)ceil((double)a);
+    *end = (int)ceil((double)b);
+}
+
+/* The Gaussian is a product of one factor for each axis: an exponential for each row, not for each cell. */
+SCATTERI_HOT static void scatteri_splat(const scatteri_injection *job, scatter_gaussian g, int z0, int z1)
+{
+    const scatter_volume *v = &job->volume;
+    const float r = scatteri_sqrt(scatteri_reach(g)) / g.a, a2 = g.a * g.a;
+    float factor[SCATTERI_ROW];
+    int i0, i1, j0, j1, k0, k1, start, i, j, k;
+    scatteri_overlap(g.center.x, r, v->box.min.x, job->cell.x, v->nx, &i0, &i1);
+    scatteri_overlap(g.center.y, r, v->box.min.y, job->cell.y, v->ny, &j0, &j1);
+    scatteri_overlap(g.center.z, r, v->box.min.z, job->cell.z, v->nz, &k0, &k1);
+    k0 = k0 > z0 ? k0 : z0;
+    k1 = k1 < z1 ? k1 : z1;
+    for (start = i0; k0 < k1 && start < i1; start += SCATTERI_ROW) {
+        const int count = i1 - start < SCATTERI_ROW ? i1 - start : SCATTERI_ROW;
+        for (i = 0; i < count; i++) {
+            const float dx = scatteri_cell_center(v->box.min.x, job->cell.x, start + i) - g.center.x;
+            factor[i] = scatteri_exp(-a2 * dx * dx);
+        }
+        for (k = k0; k < k1; k++)
+            for (j = j0; j < j1; j++) {
+                const float dy = scatteri_cell_center(v->box.min.y, job->cell.y, j) - g.center.y;
+                const float dz = scatteri_cell_center(v->box.min.z, job->cell.z, k) - g.center.z;
+                const float yz = g.c * scatteri_exp(-a2 * (dy * dy + dz * dz));
+                float *row = v->values + ((size_t)k * (size_t)v->ny + (size_t)j) * (size_t)v->nx + start;
+                for (i = 0; i < count; i++)
+                    row[i] += yz * factor[i];
+            }
+    }
+}
+
+/* Everything but the Gaussians. */
+static void scatteri_inject_row(const scatteri_injection *job, int j, int k, float *row)
+{
+    const scatter_volume *v = &job->volume;
+    scatter_vec3 x;
+    size_t term;
+    int i;
+    x.y = scatteri_cell_center(v->box.min.y, job->cell.y, j);
+    x.z = scatteri_cell_center(v->box.min.z, job->cell.z, k);
+    for (i = 0; i < v->nx; i++)
+        row[i] = job->analytic ? scatteri_analytic_density(job->medium, x.y) : 0.0f;
+    for (term = 0; term < job->medium->grid_count; term++) {
+        const scatteri_field field = scatteri_field_of(&job->medium->grids[term]);
+        for (i = 0; i < v->nx; i++) {
+            x.x = scatteri_cell_center(v->box.min.x, job->cell.x, i);
+            row[i] += scatteri_field_at(&field, x);
+        }
+    }
+}
+
+static void scatteri_empty_outside(const scatteri_injection *job, int j, int k, float *row)
+{
+    const scatter_volume *v = &job->volume;
+    int i;
+    for (i = 0; i < v->nx; i++) {
+        const scatter_vec3 x = {scatteri_cell_center(v->box.min.x, job->cell.x, i),
+                                scatteri_cell_center(v->box.min.y, job->cell.y, j),
+                                scatteri_cell_center(v->box.min.z, job->cell.z, k)};
+        row[i] = scatteri_inside(job->medium->bounds, x) ? row[i] : 0.0f;
+    }
+}
+
+static void scatteri_inject_slab(void *data, int slab)
+{
+    const scatteri_injection *job = (const scatteri_injection *)data;
+    const scatter_volume *v = &job->volume;
+    const int z0 = (int)((int64_t)v->nz * slab / job->slabs), z1 = (int)((int64_t)v->nz * (slab + 1) / job->slabs);
+    const size_t nx = (size_t)v->nx, ny = (size_t)v->ny;
+    size_t g;
+    int j, k;
+    for (k = z0; k < z1; k++)
+        for (j = 0; j < v->ny; j++)
+            scatteri_inject_row(job, j, k, v->values + ((size_t)k * ny + (size_t)j) * nx);
+    for (g = 0; g < job->medium->gaussian_count; g++)
+        scatteri_splat(job, job->medium->gaussians[g], z0, z1);
+    for (k = z0; k < z1 && job->medium->bounded; k++)
+        for (j = 0; j < v->ny; j++)
+            scatteri_empty_outside(job, j, k, v->values + ((size_t)k * ny + (size_t)j) * nx);
+}
+
+static void scatteri_inject(const scatter_host *host, const scatter_medium *medium, const scatter_volume *volume,
+                            int analytic)
+{
+    scatteri_injection job;
+    job.medium = medium;
+    job.volume = *volume;
+    job.cell = scatteri_v3((volume->box.max.x - volume->box.min.x) / (float)volume->nx,
+                           (volume->box.max.y - volume->box.min.y) / (float)volume->ny,
+                           (volume->box.max.z - volume->box.min.z) / (float)volume->nz);
+    job.analytic = analytic;
+    job.slabs = volume->nz < SCATTERI_SLABS ? volume->nz : SCATTERI_SLABS;
+    scatteri_parallel(host, job.slabs, scatteri_inject_slab, &job);
+}
+
+/* --- Gaussians along a line ---
+   On the line origin + t direction a Gaussian is c exp(-a^2 (h^2 + (t - m)^2)), m where it is closest and h the
+   distance there. The Gaussians that reach the line are gathered into a page; its constants serve all nodes. */
+
+typedef struct scatteri_line {
+    scatter_vec3 origin, direction; /* unit */
+    float t0, t1;
+} scatteri_line;
+
+typedef struct scatteri_page {
+    int count;
+    int next;     /* the first Gaussian that was not looked at */
+    int complete; /* all that reach the line are here */
+    float m[SCATTERI_PAGE], a[SCATTERI_PAGE], c[SCATTERI_PAGE];
+    float fade[SCATTERI_PAGE];   /* a^2 h^2 */
+    float half[SCATTERI_PAGE];   /* the line is inside the support for |t - m| < half */
+    float scale[SCATTERI_PAGE];  /* c sqrt(pi)/(2a) */
+    float before[SCATTERI_PAGE]; /* depth at t = before + scale q for t < m, */
+    float behind[SCATTERI_PAGE]; /* behind - scale q for t >= m, with q = erfc(a|t - m|) exp(-a^2 h^2) */
+} scatteri_page;
+
+static int scatteri_any(const int *keep)
+{
+    int any = 0, l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        any |= keep[l];
+    return any;
+}
+
+/* a^2 times the squared distance of 16 Gaussians to the piece t0..t1 of the line, for the cut at `reach`. */
+SCATTERI_FN void scatteri_near_line(const scatteri_gaussians *g, const scatteri_line *line, int first,
+                                    float *SCATTERI_RESTRICT m, float *SCATTERI_RESTRICT fade,
+                                    int *SCATTERI_RESTRICT keep)
+{
+    const scatter_vec3 o = line->origin, u = line->direction;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float x = g->x[first + l] - o.x, y = g->y[first + l] - o.y, z = g->z[first + l] - o.z;
+        const float a2 = g->a[first + l] * g->a[first + l];
+        const float along = x * u.x + y * u.y + z * u.z;
+        const float px = x - along * u.x, py = y - along * u.y, pz = z - along * u.z;
+        const float past = scatteri_max(scatteri_max(line->t0 - along, along - line->t1), 0.0f);
+        m[l] = along;
+        fade[l] = a2 * (px * px + py * py + pz * pz);
+        keep[l] = fade[l] + a2 * past * past < g->reach[first + l];
+    }
+}
+
+/* Constants of the page's Gaussians for depth counted from t0. */
+SCATTERI_FN void scatteri_finish_page(scatteri_page *page, float t0)
+{
+    int i;
+    for (i = 0; i < (page->count + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES; i++) {
+        const float a = page->a[i];
+        const float x = a * (t0 - page->m[i]);
+        const float q = scatteri_erfcx(scatteri_abs(x)) * scatteri_exp(-(page->fade[i] + x * x));
+        const float mid = 2.0f * scatteri_exp(-page->fade[i]);
+        page->scale[i] = page->c[i] * 0.886226925f / a;
+        page->before[i] = -page->scale[i] * q;
+        page->behind[i] = page->scale[i] * (x < 0.0f ? mid - q : q);
+        page->half[i] = scatteri_sqrt(scatteri_max(page->half[i] - page->fade[i], 0.0f)) / a;
+    }
+}
+
+/* Fills the page with Gaussians that reach the line, from number `first` on. */
+SCATTERI_HOT static void scatteri_gather(const scatteri_gaussians *g, const scatteri_line *line, int first,
+                                         scatteri_page *page)
+{
+    float m[SCATTERI_LANES], fade[SCATTERI_LANES];
+    int keep[SCATTERI_LANES], l, i;
+    const int from_start = first == 0;
+    page->count = 0;
+    for (; first < g->padded && page->count <= SCATTERI_PAGE - SCATTERI_LANES; first += SCATTERI_LANES) {
+        scatteri_near_line(g, line, first, m, fade, keep);
+        if (!scatteri_any(keep))
+            continue;
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            i = page->count;
+            page->m[i] = m[l];
+            page->fade[i] = fade[l];
+            page->a[i] = g->a[first + l];
+            page->c[i] = g->c[first + l];
+            page->half[i] = g->reach[first + l];
+            page->count += keep[l];
+            if (page->count == SCATTERI_PAGE)
+                break;
+        }
+    }
+    page->next = first;
+    page->complete = from_start && first >= g->padded;
+    for (i = page->count; i % SCATTERI_LANES != 0; i++) {
+        page->m[i] = page->fade[i] = page->c[i] = page->half[i] = 0.0f;
+        page->a[i] = 1.0f;
+    }
+    scatteri_finish_page(page, line->t0);
+}
+
+/* Adds density and depth (from t0) of the page at `count` nodes t >= t0, a multiple of 16. The exponential of the
+   density is also that of the erfc in the depth, so both cost one. */
+SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count, const float *SCATTERI_RESTRICT t,
+                                           float *SCATTERI_RESTRICT density, float *SCATTERI_RESTRICT depth)
+{
+    int first, g, l;
+    for (first = 0; first < count; first += SCATTERI_LANES) {
+        float d[SCATTERI_LANES], tau[SCATTERI_LANES], at[SCATTERI_LANES];
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            at[l] = t[first + l];
+            d[l] = density[first + l];
+            tau[l] = depth[first + l];
+        }
+        for (g = 0; g < page->count; g++) {
+            const float m = page->m[g], a = page->a[g], fade = page->fade[g], c = page->c[g];
+            const float scale = page->scale[g], before = page->before[g], behind = page->behind[g];
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const float x = a * (at[l] - m);
+                const float e = scatteri_exp(-(fade + x * x));
+                const float q = scale * scatteri_erfcx(scatteri_abs(x)) * e;
+                d[l] += c * e;
+                tau[l] += x < 0.0f ? before + q : behind - q;
+            }
+        }
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            density[first + l] = d[l];
+            depth[first + l] = tau[l];
+        }
+    }
+}
+
+/* All Gaussians at the nodes; gathers page after page if one does not hold them all. */
+static void scatteri_add_gaussians(const scatteri_gaussians *g, const scatteri_line *line, scatteri_page *page,
+                                   int count, const float *t, float *density, float *depth)
+{
+    if (page->complete) {
+        scatteri_add_page(page, count, t, density, depth);
+        return;
+    }
+    page->next = 0;
+    while (page->next < g->padded) {
+        scatteri_gather(g, line, page->next, page);
+        scatteri_add_page(page, count, t, density, depth);
+    }
+    page->complete = 0;
+}
+
+/* Adds the fields at the nodes of the line. */
+SCATTERI_HOT static void scatteri_add_field(const scatteri_field *field, int count,
+                                            const float *SCATTERI_RESTRICT x, const float *SCATTERI_RESTRICT y,
+                                            const float *SCATTERI_RESTRICT z, float *SCATTERI_RESTRICT density)
+{
+    int first;
+    for (first = 0; first < count; first += SCATTERI_LANES)
+        scatteri_field_lanes_inline(field, x + first, y + first, z + first, density + first);
+}
+
+/* ------------------------------------------------------------------------------------------ >>depth
+   Optical depth tau(S, x) of the local terms between a source and a point; constant and height fog are added in
+   closed form. A point is always looked at from its own end: direction and length of the segment to the source
+   (cut to the bounds). */
+
+struct scatter_depth {
+    scatter_host host;
+    const scatteri_medium *medium;  /* `own` or the context's */
+    scatteri_medium own;
+    scatter_source source;          /* direction of unit length */
+    scatter_depth_method method;
+    int ready;
+    scatteri_buffer memory;
+    float *values;                  /* mean density tau/r of a local source, tau of a directional one */
+    int nx, ny, nz;                 /* cells; polar: radii, directions, directions */
+    scatter_box box;
+    scatter_vec3 cell;
+    const scatteri_field *injected; /* of the same cells, for methods that read density from a volume */
+    scatteri_field own_injected;
+    scatteri_buffer own_memory;
+    scatter_vec3 axis_u, axis_v, axis_w; /* polar: frame of the directions or of the parallel columns */
+    float low_u, low_v, step_u, step_v;  /* first column and distance of columns */
+    float low_r, step_r;                 /* first shell and distance of shells */
+};
+
+/* Points and where their source is seen from them. */
+typedef struct scatteri_points {
+    float x[SCATTERI_NODES], y[SCATTERI_NODES], z[SCATTERI_NODES];
+    float dx[SCATTERI_NODES], dy[SCATTERI_NODES], dz[SCATTERI_NODES]; /* unit, towards the source */
+    float distance[SCATTERI_NODES]; /* of the source; SCATTERI_FAR if directional */
+    float length[SCATTERI_NODES];   /* of the segment inside the bounds */
+} scatteri_points;
+
+SCATTERI_FN float scatteri_exit(float x, float d, float low, float high)
+{
+    const float safe = scatteri_abs(d) < 1e-20f ? 1e-20f : d;
+    return scatteri_max(((safe > 0.0f ? high : low) - x) / safe, 0.0f);
+}
+
+/* Fills dx..length from x, y, z. */
+SCATTERI_HOT static void scatteri_face_source(const scatter_source *source, const scatter_medium *medium, int count,
+                                              scatteri_points *p)
+{
+    const scatter_vec3 s = source->position, w = source->direction;
+    const scatter_box b = medium->bounds;
+    const int directional = source->directional, bounded = medium->bounded;
+    int first, l;
+    for (first = 0; first < count; first += SCATTERI_LANES) {
+        for (l = first; l < first + SCATTERI_LANES; l++) {
+            const float x = s.x - p->x[l], y = s.y - p->y[l], z = s.z - p->z[l];
+            const float r2 = x * x + y * y + z * z;
+            const float inverse = r2 > 1e-37f ? scatteri_rsqrt(r2) : 0.0f;
+            p->dx[l] = directional ? -w.x : x * inverse;
+            p->dy[l] = directional ? -w.y : y * inverse;
+            p->dz[l] = directional ? -w.z : z * inverse;
+            p->distance[l] = directional ? SCATTERI_FAR : r2 * inverse;
+            p->length[l] = p->distance[l];
+        }
+        if (!bounded)
+            continue;
+        for (l = first; l < first + SCATTERI_LANES; l++) {
+            const float ex = scatteri_exit(p->x[l], p->dx[l], b.min.x, b.max.x);
+            const float ey = scatteri_exit(p->y[l], p->dy[l], b.min.y, b.max.y);
+            const float ez = scatteri_exit(p->z[l], p->dz[l], b.min.z, b.max.z);
+            p->length[l] = scatteri_min(scatteri_min(p->length[l], ex), scatteri_min(ey, ez));
+        }
+    }
+}
+
+/* --- closed form, for many points on a line ---
+   The segments from the points to the source fill a triangle (a strip, if directional). Gaussians that do not
+   reach it are left out. */
+
+typedef struct scatteri_shadow {
+    int count, next, complete;
+    float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre relative to the line's origin */
+    float a[SCATTERI_PAGE], scale[SCATTERI_PAGE]; /* scale: c sqrt(pi)/(2a) */
+    float source[SCATTERI_PAGE];                  /* exp(-a^2 |S - centre|^2), 0 if negligible */
+    int touches[SCATTERI_PAGE];                   /* the line itself */
+} scatteri_shadow;
+
+/* Four slabs that hold the triangle or strip: low <= normal . (x - line origin) <= high. */
+typedef struct scatteri_hull {
+    scatter_vec3 normal[4];
+    float low[4], high[4];
+} scatteri_hull;
+
+static void scatteri_hull_slab(scatteri_hull *hull, int i, scatter_vec3 normal, scatter_vec3 a, scatter_vec3 b)
+{
+    const float u = scatteri_dot(normal, a), v = scatteri_dot(normal, b);
+    hull->normal[i] = normal;
+    hull->low[i] = u < v ? u : v;
+    hull->high[i] = u < v ? v : u;
+}
+
+static void scatteri_hull_add(scatteri_hull *hull, int i, scatter_vec3 x)
+{
+    const float u = scatteri_dot(hull->normal[i], x);
+    hull->low[i] = u < hull->low[i] ? u : hull->low[i];
+    hull->high[i] = u > hull->high[i] ? u : hull->high[i];
+}
+
+static scatter_vec3 scatteri_unit_or_zero(scatter_vec3 v)
+{
+    const float length = scatteri_length(v);
+    return length > 1e-12f ? scatteri_scale(v, 1.0f / length) : scatteri_v3(0.0f, 0.0f, 0.0f);
+}
+
+static scatteri_hull scatteri_shadow_hull(const scatteri_line *line, const scatter_source *source)
+{
+    const scatter_vec3 a = scatteri_scale(line->direction, line->t0), b = scatteri_scale(line->direction, line->t1);
+    const scatter_vec3 u = line->direction, w = source->direction, s = scatteri_sub(source->position, line->origin);
+    scatteri_hull hull;
+    int i;
+    if (source->directional) {
+        const scatter_vec3 normal = scatteri_unit_or_zero(scatteri_cross(u, w));
+        scatteri_hull_slab(&hull, 0, normal, a, b);
+        scatteri_hull_slab(&hull, 1, scatteri_cross(normal, w), a, b);
+        scatteri_hull_slab(&hull, 2, w, a, b);
+        hull.low[2] = -SCATTERI_FAR;
+        hull.normal[3] = scatteri_v3(0.0f, 0.0f, 0.0f);
+        hull.low[3] = hull.high[3] = 0.0f;
+        return hull;
+    }
+    scatteri_hull_slab(&hull, 0, scatteri_unit_or_zero(scatteri_cross(u, s)), a, b);
+    scatteri_hull_slab(&hull, 1, scatteri_v3(1.0f, 0.0f, 0.0f), a, b);
+    scatteri_hull_slab(&hull, 2, scatteri_v3(0.0f, 1.0f, 0.0f), a, b);
+    scatteri_hull_slab(&hull, 3, scatteri_v3(0.0f, 0.0f, 1.0f), a, b);
+    for (i = 1; i < 4; i++)
+        scatteri_hull_add(&hull, i, s);
+    return hull;
+}
+
+/* keep: 16 Gaussians that reach the hull. */
+SCATTERI_FN void scatteri_near_hull(const scatteri_gaussians *g, scatter_vec3 origin, const scatteri_hull *hull,
+                                    int first, int *SCATTERI_RESTRICT keep)
+{
+    float worst[SCATTERI_LANES];
+    int i, l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        worst[l] = 0.0f;
+    for (i = 0; i < 4; i++) {
+        const scatter_vec3 n = hull->normal[i];
+        const float low = hull->low[i], high = hull->high[i];
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float d = n.x * (g->x[first + l] - origin.x) + n.y * (g->y[first + l] - origin.y) +
+                            n.z * (g->z[first + l] - origin.z);
+            worst[l] = scatteri_max(worst[l], scatteri_max(low - d, d - high));
+        }
+    }
+    for (l = 0; l < SCATTERI_LANES; l++)
+        keep[l] = g->a[first + l] * g->a[first + l] * worst[l] * worst[l] < g->reach[first + l];
+}
+
+SCATTERI_HOT static void scatteri_gather_shadow(const scatteri_gaussians *g, const scatteri_line *line,
+                                                const scatter_source *source, const scatteri_hull *hull, int first,
+                                                scatteri_shadow *page)
+{
+    const scatter_vec3 o = line->origin, s = scatteri_sub(source->position, line->origin);
+    float m[SCATTERI_LANES], fade[SCATTERI_LANES];
+    int keep[SCATTERI_LANES], touch[SCATTERI_LANES], l;
+    const int from_start = first == 0;
+    page->count = 0;
+    for (; first < g->padded && page->count <= SCATTERI_PAGE - SCATTERI_LANES; first += SCATTERI_LANES) {
+        scatteri_near_hull(g, o, hull, first, keep);
+        if (!scatteri_any(keep))
+            continue;
+        scatteri_near_line(g, line, first, m, fade, touch);
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const int i = page->count;
+            const float a = g->a[first + l];
+            float dx, dy, dz, far;
+            if (!keep[l] || !(g->c[first + l] > 0.0f))
+                continue;
+            page->x[i] = g->x[first + l] - o.x;
+            page->y[i] = g->y[first + l] - o.y;
+            page->z[i] = g->z[first + l] - o.z;
+            page->a[i] = a;
+            page->scale[i] = g->c[first + l] * 0.886226925f / a;
+            page->touches[i] = touch[l];
+            dx = page->x[i] - s.x;
+            dy = page->y[i] - s.y;
+            dz = page->z[i] - s.z;
+            far = a * a * (dx * dx + dy * dy + dz * dz);
+            page->source[i] = source->directional || far > g->reach[first + l] ? 0.0f : scatteri_exp(-far);
+            page->count++;
+        }
+    }
+    page->next = first;
+    page->complete = from_start && first >= g->padded;
+}
+
+/* Adds, at 16 points t of the line, depth between them and the source. Every erfc is erfcx times the density at
+   that end, so it neither under- nor overflows and keeps its digits in the tails. */
+SCATTERI_FN void scatteri_shadow_lanes(const scatteri_shadow *page, scatter_vec3 u, int clipped,
+                                       const float *SCATTERI_RESTRICT t, const float *SCATTERI_RESTRICT dx,
+                                       const float *SCATTERI_RESTRICT dy, const float *SCATTERI_RESTRICT dz,
+                                       const float *SCATTERI_RESTRICT length, float *SCATTERI_RESTRICT depth)
+{
+    float sum[SCATTERI_LANES];
+    int g, l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        sum[l] = 0.0f;
+    for (g = 0; g < page->count; g++) {
+        const float a = page->a[g], gx = page->x[g], gy = page->y[g], gz = page->z[g], scale = page->scale[g];
+        float m[SCATTERI_LANES], h2[SCATTERI_LANES], bell[SCATTERI_LANES];
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float x = gx - u.x * t[l], y = gy - u.y * t[l], z = gz - u.z * t[l];
+            const float along = x * dx[l] + y * dy[l] + z * dz[l];
+            const float px = x - along * dx[l], py = y - along * dy[l], pz = z - along * dz[l];
+            const float off = a * a * (px * px + py * py + pz * pz);
+            const float mid = 2.0f * scatteri_exp(-off);
+            m[l] = along;
+            h2[l] = off;
+            bell[l] = along > 0.0f ? (along < length[l] ? mid : 0.0f) : 0.0f;
+        }
+        if (page->touches[g])
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const float x = a * m[l];
+                const float q = scatteri_erfcx(scatteri_abs(x)) * scatteri_exp(-(h2[l] + x * x));
+                bell[l] += m[l] > 0.0f ? -q : q;
+            }
+        if (clipped)
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const float x = scatteri_min(a * (length[l] - m[l]), 1e6f);
+                const float q = scatteri_erfcx(scatteri_abs(x)) * scatteri_exp(-(h2[l] + x * x));
+                bell[l] += x < 0.0f ? q : -q;
+            }
+        else if (page->source[g] > 0.0f)
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const float x = a * (length[l] - m[l]);
+                const float q = scatteri_erfcx(scatteri_abs(x)) * page->source[g];
+                bell[l] += x < 0.0f ? q : -q;
+            }
+        for (l = 0; l < SCATTERI_LANES; l++)
+            sum[l] += scale * scatteri_max(bell[l], 0.0f);
+    }
+    for (l = 0; l < SCATTERI_LANES; l++)
+        depth[l] += sum[l];
+}
+
+SCATTERI_HOT static void scatteri_add_shadow(const scatteri_shadow *page, scatter_vec3 u, int clipped, int count,
+                                             const float *t, const scatteri_points *p, float *depth)
+{
+    int first;
+    for (first = 0; first < count; first += SCATTERI_LANES) {
+        if (clipped)
+            scatteri_shadow_lanes(page, u, 1, t + first, p->dx + first, p->dy + first, p->dz + first,
+                                  p->length + first, depth + first);
+        else
+            scatteri_shadow_lanes(page, u, 0, t + first, p->dx + first, p->dy + first, p->dz + first,
+                                  p->length + first, depth + first);
+    }
+}
+
+/* Whether segments to the source can end at the bounds instead. */
+static int scatteri_source_clipped(const scatter_source *source, const scatter_medium *medium)
+{
+    return medium->bounded && (source->directional || !scatteri_inside(medium->bounds, source->position));
+}
+
+/* Everything needed to add closed-form depth at points of one line. */
+typedef struct scatteri_shadows {
+    const scatteri_medium *medium;
+    const scatter_source *source;
+    const scatteri_line *line;
+    scatteri_hull hull;
+    int clipped;
+    scatteri_shadow page;
+} scatteri_shadows;
+
+static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *medium, const scatter_source *source,
+                                   const scatteri_line *line)
+{
+    s->medium = medium;
+    s->source = source;
+    s->line = line;
+    s->hull = scatteri_shadow_hull(line, source);
+    s->clipped = scatteri_source_clipped(source, &medium->desc);
+    scatteri_gather_shadow(&medium->gaussians, line, source, &s->hull, 0, &s->page);
+}
+
+/* Depth of the grids by exact traversal: slow, and exact. */
+static void scatteri_add_field_depths(const scatteri_medium *medium, int count, const scatteri_points *p, float *depth)
+{
+    size_t f;
+    int i;
+    for (f = 0; f < medium->desc.grid_count; f++)
+        for (i = 0; i < count; i++)
+            depth[i] += scatteri_field_depth(&medium->fields[f], scatteri_v3(p->x[i], p->y[i], p->z[i]),
+                                             scatteri_v3(p->dx[i], p->dy[i], p->dz[i]), p->length[i]);
+}
+
+static void scatteri_add_shadows(scatteri_shadows *s, int count, const float *t, const scatteri_points *p,
+                                 float *depth)
+{
+    const scatteri_gaussians *g = &s->medium->gaussians;
+    int next = 0;
+    if (s->page.complete) {
+        scatteri_add_shadow(&s->page, s->line->direction, s->clipped, count, t, p, depth);
+        next = g->padded;
+    }
+    for (; next < g->padded; next = s->page.next) {
+        scatteri_gather_shadow(g, s->line, s->source, &s->hull, next, &s->page);
+        scatteri_add_shadow(&s->page, s->line->direction, s->clipped, count, t, p, depth);
+    }
+    scatteri_add_field_depths(s->medium, count, p, depth);
+}
+
+/* --- volumes of cells --- */
+
+static scatter_vec3 scatteri_cell(const scatter_depth *d, int i, int j, int k)
+{
+    return scatteri_v3(scatteri_cell_center(d->box.min.x, d->cell.x, i),
+                       scatteri_cell_center(d->box.min.y, d->cell.y, j),
+                       scatteri_cell_center(d->box.min.z, d->cell.z, k));
+}
+
+static size_t scatteri_cell_index(const scatter_depth *d, int i, int j, int k)
+{
+    return ((size_t)k * (size_t)d->ny + (size_t)j) * (size_t)d->nx + (size_t)i;
+}
+
+/* What tau is multiplied by before it is stored: 1/r of a local source. */
+static float scatteri_stored(const scatter_depth *d, float depth, float r)
+{
+    return d->source.directional ? depth : r > 0.0f ? depth / r : 0.0f;
+}
+
+static void scatteri_row_points(const scatter_depth *d, int i0, int count, int j, int k, float *t, scatteri_points *p)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        const scatter_vec3 x = scatteri_cell(d, i0 + (i < d->nx - i0 ? i : d->nx - i0 - 1), j, k);
+        p->x[i] = x.x;
+        p->y[i] = x.y;
+        p->z[i] = x.z;
+        t[i] = x.x - d->box.min.x;
+    }
+}
+
+/* Local density at x, for the limit of the mean density at the source. */
+static float scatteri_local_density(const scatteri_medium *medium, scatter_vec3 x)
+{
+    scatter_medium local = medium->desc;
+    local.constant = 0.0f;
+    local.height_count = 0;
+    return scatter_density(&local, x);
+}
+
+static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points *p)
+{
+    scatteri_line row;
+    scatteri_shadows shadows;
+    float t[SCATTERI_NODES], depth[SCATTERI_NODES];
+    int start, i;
+    row.origin = scatteri_cell(d, 0, j, k);
+    row.origin.x = d->box.min.x;
+    row.direction = scatteri_v3(1.0f, 0.0f, 0.0f);
+    row.t0 = 0.0f;
+    row.t1 = d->box.max.x - d->box.min.x;
+    scatteri_begin_shadows(&shadows, d->medium, &d->source, &row);
+    for (start = 0; start < d->nx; start += SCATTERI_NODES) {
+        const int left = d->nx - start < SCATTERI_NODES ? d->nx - start : SCATTERI_NODES;
+        const int count = (left + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
+        float *out = d->values + scatteri_cell_index(d, start, j, k);
+        memset(depth, 0, sizeof depth);
+        scatteri_row_points(d, start, count, j, k, t, p);
+        scatteri_face_source(&d->source, &d->medium->desc, count, p);
+        scatteri_add_shadows(&shadows, count, t, p, depth);
+        for (i = 0; i < left; i++)
+            out[i] = p->distance[i] > 0.0f ? scatteri_stored(d, depth[i], p->distance[i])
+                                           : scatteri_local_density(d->medium, d->source.position);
+    }
+}
+
+static void scatteri_closed_slice(void *data, int k)
+{
+    scatter_depth *d = (scatter_depth *)data;
+    scatteri_points points;
+    int j;
+    for (j = 0; j < d->ny; j++)
+        scatteri_closed_row(d, j, k, &points);
+}
+
+/* Steps of one cell from the cell to the source through the injected density: a shadow ray for each cell. */
+SCATTERI_HOT static float scatteri_march_to(const scatter_depth *d, scatter_vec3 from, scatter_vec3 direction,
+                                            float t0, float t1)
+{
+    const float h = scatteri_min(d->cell.x, scatteri_min(d->cell.y, d->cell.z));
+    const int steps = (int)scatteri_max((t1 - t0) / h + 0.5f, 1.0f);
+    const float step = (t1 - t0) / (float)steps;
+    float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES], density[SCATTERI_LANES], sum = 0.0f;
+    int first, l;
+    for (first = 0; first < steps; first += SCATTERI_LANES) {
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float t = t0 + step * ((float)(first + l) + 0.5f);
+            x[l] = from.x + t * direction.x;
+            y[l] = from.y + t * direction.y;
+            z[l] = from.z + t * direction.z;
+            density[l] = 0.0f;
+        }
+        scatteri_field_lanes_inline(d->injected, x, y, z, density);
+        for (l = 0; l < SCATTERI_LANES; l++)
+            sum += first + l < steps ? density[l] : 0.0f;
+    }
+    return sum * step;
+}
+
+static void scatteri_march_slice(void *data, int k)
+{
+    scatter_depth *d = (scatter_depth *)data;
+    int i, j;
+    for (j = 0; j < d->ny; j++)
+        for (i = 0; i < d->nx; i++) {
+            const scatter_vec3 x = scatteri_cell(d, i, j, k);
+            const scatter_vec3 to = scatteri_sub(d->source.position, x);
+            const float r = d->source.directional ? SCATTERI_FAR : scatteri_length(to);
+            const scatter_vec3 direction = d->source.directional ? scatteri_scale(d->source.direction, -1.0f)
+                                                                 : scatteri_scale(to, r > 0.0f ? 1.0f / r : 0.0f);
+            float t0 = 0.0f, t1 = r, depth = 0.0f;
+            const size_t at = scatteri_cell_index(d, i, j, k);
+            if (scatteri_clip(d->box, x, direction, &t0, &t1))
+                depth = scatteri_march_to(d, x, direction, t0, t1);
+            d->values[at] = r > 0.0f ? scatteri_stored(d, depth, r) : d->injected->grid.density[at];
+        }
+}
+
+/* --- one sweep away from the source, each cell once ---
+   On each axis the cells are visited by their distance from the source, so that the neighbour towards the source
+   is always done. On the axis on which a cell is the nearest one to the source, that neighbour would lie behind
+   the source: it is left out (the direction to the source is nearly square to that axis). */
+
+typedef struct scatteri_axis {
+    int order[1024];
+    int nearest; /* -1: the source is outside on this axis, or directional */
+} scatteri_axis;
+
+static void scatteri_order_axis(scatteri_axis *axis, int n, float low, float cell, float s, int directional, float w)
+{
+    const float at = scatteri_clamp((s - low) / cell - 0.5f, -1.0f, (float)n);
+    int below, above, i;
+    above = directional ? (w >= 0.0f ? 0 : n) : (int)ceil((double)at);
+    below = above - 1;
+    axis->nearest = -1;
+    for (i = 0; i < n; i++) {
+        const int up = below < 0 || (above < n && (float)above - at <= at - (float)below);
+        axis->order[i] = up ? above++ : below--;
+    }
+    if (!directional && at > -0.5f && at < (float)n - 0.5f)
+        axis->nearest = axis->order[0];
+}
+
+typedef struct scatteri_cell_view {
+    scatter_vec3 u; /* unit, away from the source */
+    float r;
+    int at[3], back[3]; /* indices of the cell and of the step towards the source, 0 if left out */
+} scatteri_cell_view;
+
+static float scatteri_value_at(const scatter_depth *d, const int *at)
+{
+    if (at[0] < 0 || at[1] < 0 || at[2] < 0 || at[0] >= d->nx || at[1] >= d->ny || at[2] >= d->nz)
+        return 0.0f;
+    return d->values[scatteri_cell_index(d, at[0], at[1], at[2])];
+}
+
+static float scatteri_injected_at(const scatter_depth *d, const int *at)
+{
+    if (at[0] < 0 || at[1] < 0 || at[2] < 0 || at[0] >= d->nx || at[1] >= d->ny || at[2] >= d->nz)
+        return 0.0f;
+    return d->injected->scale * d->injected->grid.density[scatteri_cell_index(d, at[0], at[1], at[2])];
+}
+
+static float scatteri_distance(const scatter_depth *d, const int *at)
+{
+    return d->source.directional
+               ? 1.0f
+               : scatteri_length(scatteri_sub(scatteri_cell(d, at[0], at[1], at[2]), d->source.position));
+}
+
+static scatteri_cell_view scatteri_view_cell(const scatter_depth *d, const scatteri_axis *axes, int i, int j, int k)
+{
+    scatteri_cell_view c;
+    int axis;
+    c.at[0] = i;
+    c.at[1] = j;
+    c.at[2] = k;
+    c.u = d->source.direction;
+    c.r = 1.0f;
+    if (!d->source.directional) {
+        const scatter_vec3 away = scatteri_sub(scatteri_cell(d, i, j, k), d->source.position);
+        c.r = scatteri_length(away);
+        c.u = scatteri_scale(away, c.r > 0.0f ? 1.0f / c.r : 0.0f);
+    }
+    for (axis = 0; axis < 3; axis++) {
+        const float u = scatteri_get(c.u, axis);
+        c.back[axis] = axes[axis].nearest == c.at[axis] ? 0 : u > 0.0f ? -1 : u < 0.0f ? 1 : 0;
+    }
+    return c;
+}
+
+/* Giroud and Biri 2012, eq. 6, as printed: one full cell of density is added for each step along an axis, which
+   gives Manhattan lengths. Kept as the baseline. */
+static float scatteri_eq6(const scatter_depth *d, const scatteri_cell_view *c)
+{
+    const float h = (d->cell.x + d->cell.y + d->cell.z) / 3.0f;
+    float weights = 0.0f, sum = 0.0f;
+    int axis;
+    for (axis = 0; axis < 3; axis++) {
+        const float w = c->back[axis] != 0 ? scatteri_abs(scatteri_get(c->u, axis)) : 0.0f;
+        int from[3];
+        memcpy(from, c->at, sizeof from);
+        from[axis] += c->back[axis];
+        weights += w;
+        sum += w * scatteri_value_at(d, from) * scatteri_distance(d, from);
+    }
+    return h * scatteri_injected_at(d, c->at) + (weights > 0.0f ? sum / weights : 0.0f);
+}
+
+/* First-order upwind differences of u . grad tau = D. */
+static float scatteri_upwind(const scatter_depth *d, const scatteri_cell_view *c)
+{
+    float weights = 0.0f, sum = scatteri_injected_at(d, c->at);
+    int axis;
+    for (axis = 0; axis < 3; axis++) {
+        const float w = c->back[axis] != 0
+                            ? scatteri_abs(scatteri_get(c->u, axis)) / scatteri_get(d->cell, axis) : 0.0f;
+        int from[3];
+        memcpy(from, c->at, sizeof from);
+        from[axis] += c->back[axis];
+        weights += w;
+        sum += w * scatteri_value_at(d, from) * scatteri_distance(d, from);
+    }
+    return weights > 0.0f ? sum / weights : sum * c->r;
+}
+
+/* Short characteristics: back along the ray to the plane of cell centres on the dominant axis, mean density
+   bilinear between the four cells there, the trapezoidal rule in between. */
+static float scatteri_short(const scatter_depth *d, const scatteri_cell_view *c)
+{
+    float step[3], f[2] = {0.0f, 0.0f}, mean = 0.0f, density = 0.0f, length, rest;
+    int dominant = 0, minor[2], axis, corner;
+    for (axis = 0; axis < 3; axis++) {
+        step[axis] = scatteri_abs(scatteri_get(c->u, axis)) / scatteri_get(d->cell, axis);
+        dominant = step[axis] > step[dominant] ? axis : dominant;
+    }
+    length = step[dominant] > 0.0f ? 1.0f / step[dominant] : 0.0f;
+    if (c->back[dominant] == 0 || (!d->source.directional && length >= c->r))
+        return scatteri_injected_at(d, c->at) * c->r;
+    for (axis = 0; axis < 2; axis++) {
+        minor[axis] = (dominant + 1 + axis) % 3;
+        f[axis] = c->back[minor[axis]] != 0 ? step[minor[axis]] * length : 0.0f;
+    }
+    for (corner = 0; corner < 4; corner++) {
+        const int p = corner & 1, q = corner >> 1;
+        const float w = (p ? f[0] : 1.0f - f[0]) * (q ? f[1] : 1.0f - f[1]);
+        int from[3];
+        memcpy(from, c->at, sizeof from);
+        from[dominant] += c->back[dominant];
+        from[minor[0]] += p ? c->back[minor[0]] : 0;
+        from[minor[1]] += q ? c->back[minor[1]] : 0;
+        if (w > 0.0f) {
+            mean += w * scatteri_value_at(d, from);
+            density += w * scatteri_injected_at(d, from);
+        }
+    }
+    rest = d->source.directional ? 1.0f : c->r - length;
+    return mean * rest + 0.5f * length * (density + scatteri_injected_at(d, c->at));
+}
+
+static void scatteri_sweep(scatter_depth *d)
+{
+    scatteri_axis axes[3];
+    const scatter_source *s = &d->source;
+    int i, j, k;
+    scatteri_order_axis(&axes[0], d->nx, d->box.min.x, d->cell.x, s->position.x, s->directional, s->direction.x);
+    scatteri_order_axis(&axes[1], d->ny, d->box.min.y, d->cell.y, s->position.y, s->directional, s->direction.y);
+    scatteri_order_axis(&axes[2], d->nz, d->box.min.z, d->cell.z, s->position.z, s->directional, s->direction.z);
+    for (k = 0; k < d->nz; k++)
+        for (j = 0; j < d->ny; j++)
+            for (i = 0; i < d->nx; i++) {
+                const scatteri_cell_view c =
+                    scatteri_view_cell(d, axes, axes[0].order[i], axes[1].order[j], axes[2].order[k]);
+                const float depth = d->method == SCATTER_DEPTH_EQ6      ? scatteri_eq6(d, &c)
+                                    : d->method == SCATTER_DEPTH_UPWIND ? scatteri_upwind(d, &c)
+                                                                        : scatteri_short(d, &c);
+                const size_t at = scatteri_cell_index(d, c.at[0], c.at[1], c.at[2]);
+                d->values[at] = s->directional ? depth
+                                : c.r > 0.0f   ? depth / c.r
+                                               : d->injected->scale * d->injected->grid.density[at];
+            }
+}
+
+/* --- polar: columns that start at the source ---
+   Directions on the square of an octahedral map, cut to the cone that holds the local box, times shells. Along a
+   column each shell has one neighbour towards the source, with weight 1: depth is a running sum, and for Gaussians
+   the sum is an erf. A directional source has parallel columns. */
+
+static scatter_vec3 scatteri_perpendicular(scatter_vec3 w)
+{
+    const scatter_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
+    return scatteri_normalize(scatteri_cross(w, scatteri_abs(w.x) < 0.6f ? x : y));
+}
+
+static scatter_vec3 scatteri_corner(scatter_box b, int i)
+{
+    return scatteri_v3(i & 1 ? b.max.x : b.min.x, i & 2 ? b.max.y : b.min.y, i & 4 ? b.max.z : b.min.z);
+}
+
+static void scatteri_polar_frame(scatter_depth *d, scatter_vec3 w)
+{
+    d->axis_w = w;
+    d->axis_u = scatteri_perpendicular(w);
+    d->axis_v = scatteri_cross(w, d->axis_u);
+}
+
+static void scatteri_polar_steps(scatter_depth *d, float high_u, float high_v, float high_r)
+{
+    d->step_u = scatteri_max((high_u - d->low_u) / (float)(d->ny - 1), 1e-30f);
+    d->step_v = scatteri_max((high_v - d->low_v) / (float)(d->nz - 1), 1e-30f);
+    d->step_r = scatteri_max((high_r - d->low_r) / (float)(d->nx - 1), 1e-30f);
+}
+
+static void scatteri_parallel_columns(scatter_depth *d)
+{
+    float high_u = -SCATTERI_FAR, high_v = -SCATTERI_FAR, high_r = -SCATTERI_FAR;
+    int i;
+    scatteri_polar_frame(d, d->source.direction);
+    d->low_u = d->low_v = d->low_r = SCATTERI_FAR;
+    for (i = 0; i < 8; i++) {
+        const scatter_vec3 x = scatteri_corner(d->box, i);
+        const float u = scatteri_dot(x, d->axis_u), v = scatteri_dot(x, d->axis_v), r = scatteri_dot(x, d->axis_w);
+        d->low_u = scatteri_min(d->low_u, u);
+        d->low_v = scatteri_min(d->low_v, v);
+        d->low_r = scatteri_min(d->low_r, r);
+        high_u = scatteri_max(high_u, u);
+        high_v = scatteri_max(high_v, v);
+        high_r = scatteri_max(high_r, r);
+    }
+    scatteri_polar_steps(d, high_u, high_v, high_r);
+}
+
+static void scatteri_polar_columns(scatter_depth *d)
+{
+    const scatter_vec3 s = d->source.position;
+    const scatter_vec3 middle = scatteri_scale(scatteri_add(d->box.min, d->box.max), 0.5f);
+    const scatter_vec3 near = {scatteri_clamp(s.x, d->box.min.x, d->box.max.x),
+                               scatteri_clamp(s.y, d->box.min.y, d->box.max.y),
+                               scatteri_clamp(s.z, d->box.min.z, d->box.max.z)};
+    scatter_vec3 w = scatteri_unit_or_zero(scatteri_sub(middle, s));
+    float cosine = 1.0f, high_r = 0.0f, spread = 1.0f;
+    int i;
+    w = scatteri_dot(w, w) > 0.5f ? w : scatteri_v3(0.0f, 0.0f, 1.0f);
+    scatteri_polar_frame(d, w);
+    for (i = 0; i < 8; i++) {
+        const scatter_vec3 to = scatteri_sub(scatteri_corner(d->box, i), s);
+        const float r = scatteri_length(to);
+        high_r = scatteri_max(high_r, r);
+        cosine = scatteri_min(cosine, r > 0.0f ? scatteri_dot(to, w) / r : -1.0f);
+    }
+    if (!scatteri_inside(d->box, s) && cosine > 0.05f) {
+        const float sine = (float)sqrt(1.0 - (double)cosine * (double)cosine);
+        spread = scatteri_min(1.001f * sine / (sine + cosine) + 1e-6f, 1.0f);
+    }
+    d->low_u = d->low_v = -spread;
+    d->low_r = scatteri_length(scatteri_sub(near, s));
+    scatteri_polar_steps(d, spread, spread, high_r);
+}
+
+/* The line of column (i, j): t is the radius. */
+static scatteri_line scatteri_column(const scatter_depth *d, int i, int j)
+{
+    const float u = d->low_u + (float)i * d->step_u, v = d->low_v + (float)j * d->step_v;
+    scatteri_line line;
+    line.t0 = d->source.directional ? 0.0f : d->low_r;
+    line.t1 = line.t0 + (float)(d->nx - 1) * d->step_r;
+    if (d->source.directional) {
+        line.direction = d->axis_w;
+        line.origin = scatteri_add(scatteri_add(scatteri_scale(d->axis_u, u), scatteri_scale(d->axis_v, v)),
+                                   scatteri_scale(d->axis_w, d->low_r));
+    } else {
+        const scatter_vec3 o = scatteri_oct_decode(scatteri_v2(scatteri_clamp(u, -1.0f, 1.0f),
+                                                               scatteri_clamp(v, -1.0f, 1.0f)));
+        line.direction = scatteri_add(scatteri_add(scatteri_scale(d->axis_u, o.x), scatteri_scale(d->axis_v, o.y)),
+                                      scatteri_scale(d->axis_w, o.z));
+        line.origin = d->source.position;
+    }
+    return line;
+}
+
+/* Adds to depth[k] the integral of the fields up to radius t[k], sampled about once a voxel. */
+static void scatteri_sum_fields(const scatter_depth *d, const scatteri_line *line, const float *t, float *depth)
+{
+    const scatteri_medium *medium = d->medium;
+    float running = 0.0f;
+    size_t f;
+    int k, s, l;
+    for (f = 0; f < medium->desc.grid_count; f++) {
+        const scatteri_field *field = &medium->fields[f];
+        const scatter_vec3 rate = scatteri_mul(line->direction, field->per_metre);
+        const float voxels = scatteri_max(scatteri_abs(rate.x), scatteri_max(scatteri_abs(rate.y), scatteri_abs(rate.z)));
+        running = 0.0f;
+        for (k = 1; k < d->nx; k++) {
+            const float length = t[k] - t[k - 1];
+            const int samples = (int)scatteri_clamp(length * voxels, 0.0f, 1e6f) / SCATTERI_LANES + 1;
+            const float step = length / (float)(samples * SCATTERI_LANES);
+            const scatter_vec3 from = scatteri_along(line->origin, line->direction, t[k - 1]);
+            const scatter_vec3 to = scatteri_along(line->origin, line->direction, t[k]);
+            for (s = 0; s < samples && length > 0.0f && scatteri_may_be_filled(field, from, to); s++) {
+                float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES], density[SCATTERI_LANES];
+                for (l = 0; l < SCATTERI_LANES; l++) {
+                    const float at = t[k - 1] + ((float)(s * SCATTERI_LANES + l) + 0.5f) * step;
+                    x[l] = line->origin.x + at * line->direction.x;
+                    y[l] = line->origin.y + at * line->direction.y;
+                    z[l] = line->origin.z + at * line->direction.z;
+                    density[l] = 0.0f;
+                }
+                scatteri_add_field(field, SCATTERI_LANES, x, y, z, density);
+                for (l = 0; l < SCATTERI_LANES; l++)
+                    running += density[l] * step;
+            }
+            depth[k] += running;
+        }
+    }
+}
+
+/* Depth at all shells of one column; shells before and behind the bounds take the value at the bounds. */
+static void scatteri_fill_column(const scatter_depth *d, int i, int j, scatteri_page *page, float *t, float *depth,
+                                 float *density)
+{
+    scatteri_line line = scatteri_column(d, i, j);
+    float *out = d->values + ((size_t)j * (size_t)d->ny + (size_t)i) * (size_t)d->nx;
+    const float start = line.t0;
+    const int count = (d->nx + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
+    int k;
+    if (!scatteri_bounded(&d->medium->desc, line.origin, line.direction, &line.t0, &line.t1))
+        line.t1 = line.t0;
+    for (k = 0; k < count; k++) {
+        t[k] = scatteri_clamp(start + (float)k * d->step_r, line.t0, line.t1);
+        depth[k] = density[k] = 0.0f;
+    }
+    if (line.t1 > line.t0 && d->medium->gaussians.padded > 0) {
+        scatteri_gather(&d->medium->gaussians, &line, 0, page);
+        scatteri_add_gaussians(&d->medium->gaussians, &line, page, count, t, density, depth);
+    }
+    if (line.t1 > line.t0 && d->medium->desc.grid_count > 0)
+        scatteri_sum_fields(d, &line, t, depth);
+    for (k = 0; k < d->nx; k++) {
+        const float r = start + (float)k * d->step_r;
+        out[k] = scatteri_stored(d, scatteri_max(depth[k], 0.0f), r);
+    }
+    if (!d->source.directional && !(start > 0.0f))
+        out[0] = scatteri_local_density(d->medium, d->source.position);
+}
+
+static void scatteri_fill_columns(void *data, int j)
+{
+    const scatter_depth *d = (const scatter_depth *)data;
+    float t[1024 + SCATTERI_LANES], depth[1024 + SCATTERI_LANES], density[1024 + SCATTERI_LANES];
+    scatteri_page page;
+    int i;
+    for (i = 0; i < d->ny; i++)
+        scatteri_fill_column(d, i, j, &page, t, depth, density);
+}
+
+/* --- reading --- */
+
+/* Cell and fraction on an axis of n values at 0..n-1; beyond the ends by at most half a cell, linearly. */
+SCATTERI_FN int scatteri_lower(float at, int n)
+{
+    const int i = (int)scatteri_clamp(at, 0.0f, (float)(n - 2));
+    return i;
+}
+
+SCATTERI_FN float scatteri_gather8(const float *v, int base, int sy, int sz, float fx, float fy, float fz)
+{
+    return scatteri_trilinear(v[base], v[base + 1], v[base + sy], v[base + sy + 1], v[base + sz], v[base + sz + 1],
+                              v[base + sz + sy], v[base + sz + sy + 1], fx, fy, fz);
+}
+
+/* Depth at 16 points from a volume of cells. A point outside the box is moved along its segment to where the
+   segment leaves the box. */
+SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_points *p, int first, float *depth)
+{
+    const scatter_box b = d->box;
+    const int nx = d->nx, ny = d->ny, nz = d->nz, directional = d->source.directional;
+    const float sx = 1.0f / d->cell.x, sy = 1.0f / d->cell.y, sz = 1.0f / d->cell.z;
+    int base[SCATTERI_LANES], l;
+    float fx[SCATTERI_LANES], fy[SCATTERI_LANES], fz[SCATTERI_LANES], factor[SCATTERI_LANES];
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const int i = first + l;
+        const float far = scatteri_min(p->length[i], SCATTERI_FAR);
+        const float dx = scatteri_abs(p->dx[i]) < 1e-20f ? 1e-20f : p->dx[i];
+        const float dy = scatteri_abs(p->dy[i]) < 1e-20f ? 1e-20f : p->dy[i];
+        const float dz = scatteri_abs(p->dz[i]) < 1e-20f ? 1e-20f : p->dz[i];
+        const float nearx = ((dx > 0.0f ? b.min.x : b.max.x) - p->x[i]) / dx;
+        const float neary = ((dy > 0.0f ? b.min.y : b.max.y) - p->y[i]) / dy;
+        const float nearz = ((dz > 0.0f ? b.min.z : b.max.z) - p->z[i]) / dz;
+        const float farx = ((dx > 0.0f ? b.max.x : b.min.x) - p->x[i]) / dx;
+        const float fary = ((dy > 0.0f ? b.max.y : b.min.y) - p->y[i]) / dy;
+        const float farz = ((dz > 0.0f ? b.max.z : b.min.z) - p->z[i]) / dz;
+        const float enter = scatteri_max(scatteri_max(nearx, neary), scatteri_max(nearz, 0.0f));
+        const float leave = scatteri_min(scatteri_min(farx, fary), scatteri_min(farz, far));
+        const float shift = scatteri_min(enter, 1e9f);
+        const float gx = (p->x[i] + shift * p->dx[i] - b.min.x) * sx - 0.5f;
+        const float gy = (p->y[i] + shift * p->dy[i] - b.min.y) * sy - 0.5f;
+        const float gz = (p->z[i] + shift * p->dz[i] - b.min.z) * sz - 0.5f;
+        const int cx = scatteri_lower(gx, nx), cy = scatteri_lower(gy, ny), cz = scatteri_lower(gz, nz);
+        base[l] = (cz * ny + cy) * nx + cx;
+        fx[l] = scatteri_clamp(gx - (float)cx, -0.5f, 1.5f);
+        fy[l] = scatteri_clamp(gy - (float)cy, -0.5f, 1.5f);
+        fz[l] = scatteri_clamp(gz - (float)cz, -0.5f, 1.5f);
+        factor[l] = enter > leave ? 0.0f : directional ? 1.0f : p->distance[i] - shift;
+    }
+    for (l = 0; l < SCATTERI_LANES; l++)
+        depth[first + l] += scatteri_max(
+            factor[l] * scatteri_gather8(d->values, base[l], nx, nx * ny, fx[l], fy[l], fz[l]), 0.0f);
+}
+
+/* Depth at 16 points from columns. Behind the last shell nothing is added any more. */
+SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_points *p, int first, float *depth)
+{
+    const scatter_vec3 s = d->source.position, u = d->axis_u, v = d->axis_v, w = d->axis_w;
+    const int nr = d->nx, nu = d->ny, nv = d->nz, directional = d->source.directional;
+    const float iu = 1.0f / d->step_u, iv = 1.0f / d->step_v, ir = 1.0f / d->step_r;
+    const float last = d->low_r + (float)(nr - 1) * d->step_r;
+    int base[SCATTERI_LANES], l;
+    float fr[SCATTERI_LANES], fu[SCATTERI_LANES], fv[SCATTERI_LANES], factor[SCATTERI_LANES];
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const int i = first + l;
+        const float x = directional ? p->x[i] : p->x[i] - s.x;
+        const float y = directional ? p->y[i] : p->y[i] - s.y;
+        const float z = directional ? p->z[i] : p->z[i] - s.z;
+        const scatter_vec3 q = scatteri_v3(u.x * x + u.y * y + u.z * z, v.x * x + v.y * y + v.z * z,
+                                           w.x * x + w.y * y + w.z * z);
+        const scatteri_vec2 o = scatteri_oct_encode(q);
+        const float r = scatteri_min(directional ? q.z : p->distance[i], last);
+        const float gu = scatteri_clamp(((directional ? q.x : o.x) - d->low_u) * iu, 0.0f, (float)(nu - 1));
+        const float gv = scatteri_clamp(((directional ? q.y : o.y) - d->low_v) * iv, 0.0f, (float)(nv - 1));
+        const float gr = scatteri_clamp((r - d->low_r) * ir, 0.0f, (float)(nr - 1));
+        const int cu = scatteri_lower(gu, nu), cv = scatteri_lower(gv, nv), cr = scatteri_lower(gr, nr);
+        base[l] = (cv * nu + cu) * nr + cr;
+        fu[l] = gu - (float)cu;
+        fv[l] = gv - (float)cv;
+        fr[l] = gr - (float)cr;
+        factor[l] = directional ? 1.0f : r;
+    }
+    for (l = 0; l < SCATTERI_LANES; l++)
+        depth[first + l] +=
+            factor[l] * scatteri_gather8(d->values, base[l], nr, nr * nu, fr[l], fu[l], fv[l]);
+}
+
+SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count, const scatteri_points *p, float *depth)
+{
+    int first;
+    if (!d->medium->has_local)
+        return;
+    for (first = 0; first < count; first += SCATTERI_LANES) {
+        if (d->method == SCATTER_DEPTH_POLAR)
+            scatteri_read_columns(d, p, first, depth);
+        else
+            scatteri_read_cells(d, p, first, depth);
+    }
+}
+
+/* Adds constant and height fog between the points and the source. */
+SCATTERI_HOT static void scatteri_add_analytic(const scatter_medium *medium, int count, const scatteri_points *p,
+                                               float *depth)
+{
+    size_t h;
+    int first, l;
+    for (first = 0; first < count; first += SCATTERI_LANES) {
+        for (l = first; l < first + SCATTERI_LANES; l++)
+            depth[l] += medium->constant * p->length[l];
+        for (h = 0; h < medium->height_count; h++) {
+            const scatter_height fog = medium->heights[h];
+            for (l = first; l < first + SCATTERI_LANES; l++)
+                depth[l] += scatteri_height_depth(fog.density, fog.y0, fog.scale, p->y[l], p->dy[l], p->length[l]);
+        }
+        for (l = first; l < first + SCATTERI_LANES; l++)
+            depth[l] = scatteri_min(depth[l], SCATTERI_FAR);
+    }
+}
+
+/* --- preparing --- */
+
+static int scatteri_reads_injected(scatter_depth_method method)
+{
+    return method == SCATTER_DEPTH_EQ6 || method == SCATTER_DEPTH_UPWIND || method == SCATTER_DEPTH_SHORT ||
+           method == SCATTER_DEPTH_MARCH;
+}
+
+static scatter_depth_method scatteri_choose_depth(scatter_depth_method method, const scatter_medium *medium)
+{
+    if (method != SCATTER_DEPTH_AUTO)
+        return method;
+    return medium->gaussian_count <= 24 && medium->grid_count == 0 ? SCATTER_DEPTH_CLOSED : SCATTER_DEPTH_POLAR;
+}
+
+static int scatteri_choose_grid(int grid, const scatter_medium *medium)
+{
+    int n = 64;
+    size_t i;
+    if (grid != 0)
+        return grid;
+    for (i = 0; i < medium->grid_count; i++) {
+        const scatter_grid *g = &medium->grids[i];
+        const int most = g->nx > g->ny ? (g->nx > g->nz ? g->nx : g->nz) : (g->ny > g->nz ? g->ny : g->nz);
+        n = most > n ? (most < 128 ? most : 128) : n;
+    }
+    return n;
+}
+
+/* Polar volumes take the n^3 values as sqrt2 n x sqrt2 n directions and n/2 shells: beyond the middle of the volume
+   directions are farther apart than shells. Voxels fill every shell with detail: n shells. */
+static void scatteri_shape(scatter_depth *d, int n)
+{
+    const int columns = (int)(1.41421356f * (float)n + 0.5f);
+    const int shells = n / 2 > 2 ? n / 2 : 2;
+    d->nx = d->ny = d->nz = n;
+    if (d->method != SCATTER_DEPTH_POLAR)
+        return;
+    d->ny = d->nz = columns < 1024 ? columns : 1024;
+    d->nx = d->medium->desc.grid_count > 0 ? n : shells;
+    if (d->source.directional && d->medium->desc.grid_count > 0)
+        d->ny = d->nz = n;
+}
+
+static void scatteri_fill(scatter_depth *d)
+{
+    switch (d->method) {
+    case SCATTER_DEPTH_POLAR:
+        if (d->source.directional)
+            scatteri_parallel_columns(d);
+        else
+            scatteri_polar_columns(d);
+        scatteri_parallel(&d->host, d->nz, scatteri_fill_columns, d);
+        break;
+    case SCATTER_DEPTH_CLOSED_VOLUME: scatteri_parallel(&d->host, d->nz, scatteri_closed_slice, d); break;
+    case SCATTER_DEPTH_MARCH: scatteri_parallel(&d->host, d->nz, scatteri_march_slice, d); break;
+    case SCATTER_DEPTH_EQ6:
+    case SCATTER_DEPTH_UPWIND:
+    case SCATTER_DEPTH_SHORT: scatteri_sweep(d); break;
+    case SCATTER_DEPTH_AUTO:
+    case SCATTER_DEPTH_CLOSED: break;
+    }
+}
+
+/* d->medium, source, method and (where it is read) injected are set. */
+static scatter_result scatteri_build_depth(scatter_depth *d, int n)
+{
+    scatter_result result;
+    size_t bytes;
+    if (d->method == SCATTER_DEPTH_CLOSED || !d->medium->has_local)
+        return SCATTER_OK;
+    scatteri_shape(d, n);
+    bytes = scatteri_bytes((size_t)d->nx, (size_t)d->ny, (size_t)d->nz, sizeof(float));
+    if (bytes == 0)
+        return scatteri_fail(&d->host, SCATTER_TOO_LARGE, "quality.grid %d needs more cells than an int counts", n);
+    result = scatteri_reserve(&d->host, &d->memory, bytes, "a depth volume");
+    if (result != SCATTER_OK)
+        return result;
+    d->values = (float *)d->memory.data;
+    d->box = d->medium->local;
+    d->cell = scatteri_v3((d->box.max.x - d->box.min.x) / (float)n, (d->box.max.y - d->box.min.y) / (float)n,
+                          (d->box.max.z - d->box.min.z) / (float)n);
+    scatteri_fill(d);
+    return SCATTER_OK;
+}
+
+/* The medium's local terms in n^3 cells of its local box, as a field. */
+static scatter_result scatteri_build_injected(const scatter_host *host, const scatteri_medium *medium, int n,
+                                              scatteri_buffer *memory, scatteri_field *field)
+{
+    const size_t values = scatteri_bytes((size_t)n, (size_t)n, (size_t)n, sizeof(float));
+    scatter_volume volume;
+    scatter_grid grid;
+    scatter_result result;
+    memset(&grid, 0, sizeof grid);
+    grid.nx = grid.ny = grid.nz = volume.nx = volume.ny = volume.nz = n;
+    grid.box = volume.box = medium->local;
+    *field = scatteri_field_of(&grid);
+    if (values == 0)
+        return scatteri_fail(host, SCATTER_TOO_LARGE, "quality.grid %d needs more cells than an int counts", n);
+    result = scatteri_reserve(host, memory, values + (size_t)field->bx * (size_t)field->by * (size_t)field->bz,
+                              "the injected density");
+    if (result != SCATTER_OK)
+        return result;
+    volume.values = (float *)memory->data;
+    field->grid.density = volume.values;
+    field->bricks = (unsigned char *)memory->data + values;
+    scatteri_inject(host, &medium->desc, &volume, 0);
+    scatteri_mark_bricks(field);
+    return SCATTER_OK;
+}
+
+/* Local depth at one point. */
+static float scatteri_depth_at_point(const scatter_depth *d, const scatteri_points *p)
+{
+    float depth[SCATTERI_LANES];
+    if (d->method == SCATTER_DEPTH_CLOSED)
+        return scatteri_local_depth(&d->medium->desc, scatteri_v3(p->x[0], p->y[0], p->z[0]),
+                                    scatteri_v3(p->dx[0], p->dy[0], p->dz[0]), p->length[0]);
+    memset(depth, 0, sizeof depth);
+    scatteri_read_depth(d, SCATTERI_LANES, p, depth);
+    return depth[0];
+}
+
+SCATTER_API float scatter_depth_at(const scatter_depth *d, scatter_vec3 x)
+{
+    scatteri_points p;
+    float analytic[SCATTERI_LANES];
+    int l;
+    if (d == NULL || !d->ready)
+        return 0.0f;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        p.x[l] = x.x;
+        p.y[l] = x.y;
+        p.z[l] = x.z;
+        analytic[l] = 0.0f;
+    }
+    if (d->medium->desc.bounded && !scatteri_inside(d->medium->desc.bounds, x)) {
+        /* The part outside adds nothing: start where the segment enters the bounds. */
+        float t0 = 0.0f, t1;
+        scatteri_points q = p;
+        scatter_medium unbounded = d->medium->desc;
+        unbounded.bounded = 0;
+        scatteri_face_source(&d->source, &unbounded, SCATTERI_LANES, &q);
+        t1 = q.distance[0];
+        if (!scatteri_clip(d->medium->desc.bounds, x, scatteri_v3(q.dx[0], q.dy[0], q.dz[0]), &t0, &t1))
+            return 0.0f;
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            p.x[l] += t0 * q.dx[l];
+            p.y[l] += t0 * q.dy[l];
+            p.z[l] += t0 * q.dz[l];
+        }
+    }
+    scatteri_face_source(&d->source, &d->medium->desc, SCATTERI_LANES, &p);
+    scatteri_add_analytic(&d->medium->desc, SCATTERI_LANES, &p, analytic);
+    return analytic[0] + scatteri_depth_at_point(d, &p);
+}
+
+/* ----------------------------------------------------------------------------------------- >>source
+   What 16 points at a time send towards the eye: direct light, through the medium, times the phase function. */
+
+typedef struct scatteri_light {
+    scatter_light desc;    /* direction of unit length */
+    scatter_source source;
+    float cos_inner, cos_outer;
+    scatter_depth depth;
+} scatteri_light;
+
+struct scatter_context {
+    scatter_host host;
+    scatteri_medium medium;
+    scatter_scene scene;       /* callbacks and background; medium and lights are above and below */
+    scatteri_light *lights;
+    int light_count, light_room;
+    scatter_quality quality;   /* resolved: no zeros */
+    scatteri_field injected;
+    scatteri_buffer injected_memory;
+    int has_injected;
+    const scatteri_field *fields; /* sampled along eye rays: the grids, or the injected density */
+    int field_count;
+    int exact;                    /* Gaussians are evaluated at the nodes */
+    float node[SCATTERI_NODES], weight[SCATTERI_NODES]; /* Gauss-Legendre on -1..1 */
+    int ready;
+    scatter_stats stats;
+};
+
+/* Nodes of a quadrature on the eye ray. */
+typedef struct scatteri_nodes {
+    int count;   /* multiple of 16; what was added to fill up has weight 0 */
+    int cells;   /* nodes are the middles of cells in which density counts as constant */
+    float t[SCATTERI_NODES], weight[SCATTERI_NODES]; /* m */
+    float density[SCATTERI_NODES], depth[SCATTERI_NODES]; /* of the medium, from the eye */
+    scatteri_points points;
+} scatteri_nodes;
+
+/* How a light is seen from the ray: foot of the perpendicular and distance. */
+typedef struct scatteri_map {
+    int local;   /* else directional or no light: u = t */
+    float t0;    /* ray parameter closest to the light */
+    float d2;    /* squared distance there */
+    float d;     /* sqrt(d2 + R^2), never 0: t = t0 + d sinh(u) */
+} scatteri_map;
+
+static scatteri_map scatteri_no_map(void)
+{
+    scatteri_map map;
+    map.local = 0;
+    map.t0 = map.d2 = 0.0f;
+    map.d = 1.0f;
+    return map;
+}
+
+static scatteri_map scatteri_map_light(const scatteri_line *line, const scatteri_light *light)
+{
+    scatteri_map map = scatteri_no_map();
+    scatter_vec3 to, off;
+    if (light->source.directional)
+        return map;
+    to = scatteri_sub(light->desc.position, line->origin);
+    map.local = 1;
+    map.t0 = scatteri_dot(to, line->direction);
+    off = scatteri_sub(to, scatteri_scale(line->direction, map.t0));
+    map.d2 = scatteri_dot(off, off);
+    map.d = scatteri_sqrt(map.d2 + light->desc.radius * light->desc.radius);
+    map.d = scatteri_max(map.d, 1e-6f * scatteri_max(1e-3f, scatteri_abs(map.t0)));
+    return map;
+}
+
+static float scatteri_to_u(const scatteri_map *map, float t)
+{
+    return map->local ? scatteri_asinh((t - map->t0) / map->d) : t;
+}
+
+static float scatteri_to_t(const scatteri_map *map, float u)
+{
+    return map->local ? map->t0 + map->d * scatteri_sinh(u) : u;
+}
+
+/* Depth from the nodes' points to the light: Gaussians and grids by the light's method, the rest closed. */
+static void scatteri_light_depth(const scatter_context *c, const scatteri_light *light, const scatteri_line *span,
+                                 scatteri_nodes *n, float *depth)
+{
+    memset(depth, 0, (size_t)n->count * sizeof(float));
+    scatteri_face_source(&light->source, &c->medium.desc, n->count, &n->points);
+    if (c->medium.has_analytic)
+        scatteri_add_analytic(&c->medium.desc, n->count, &n->points, depth);
+    if (light->depth.method == SCATTER_DEPTH_CLOSED) {
+        scatteri_shadows shadows;
+        scatteri_begin_shadows(&shadows, &c->medium, &light->source, span);
+        scatteri_add_shadows(&shadows, n->count, n->t, &n->points, depth);
+    } else {
+        scatteri_read_depth(&light->depth, n->count, &n->points, depth);
+    }
+}
+
+/* Weight times density times irradiance per intensity times phase function, at all nodes. */
+SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const scatteri_map *map, scatteri_lobes lobes,
+                                          scatter_vec3 ray, const scatteri_nodes *n, float *SCATTERI_RESTRICT out)
+{
+    const scatter_vec3 w = light->desc.direction;
+    const float r2 = light->desc.radius * light->desc.radius;
+    const float omc_directional = scatteri_omc(w, scatteri_scale(ray, -1.0f));
+    const int local = map->local, spot = light->desc.kind == SCATTER_LIGHT_SPOT;
+    int first, l;
+    for (first = 0; first < n->count; first += SCATTERI_LANES) {
+        float omc[SCATTERI_LANES], fall[SCATTERI_LANES];
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float s = n->t[first + l] - map->t0;
+            const float q2 = scatteri_max(map->d2 + s * s, 1e-30f), q = scatteri_sqrt(q2);
+            const float away = (q + s) / q, back = map->d2 / (q * (q + scatteri_abs(s)));
+            omc[l] = local ? (s < 0.0f ? back : away) : omc_directional;
+            fall[l] = local ? 1.0f / (q2 + r2) : 1.0f;
+        }
+        if (spot)
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const int i = first + l;
+                const float cosine = -(n->points.dx[i] * w.x + n->points.dy[i] * w.y + n->points.dz[i] * w.z);
+                fall[l] *= scatteri_spot(light->cos_inner, light->cos_outer, cosine);
+            }
+        if (lobes.weight > 0.0f)
+            for (l = 0; l < SCATTERI_LANES; l++)
+                fall[l] *= scatteri_phase(lobes, omc[l]);
+        else
+            for (l = 0; l < SCATTERI_LANES; l++)
+                fall[l] *= scatteri_draine(lobes.g1, lobes.alpha1, omc[l]);
+        for (l = 0; l < SCATTERI_LANES; l++)
+            out[first + l] = n->weight[first + l] * n->density[first + l] * fall[l];
+    }
+}
+
+/* Sum over the nodes of value times transmittance for one channel. In a cell of constant density D and length w the
+   mean transmittance is that at its entry times (1 - exp(-x))/x, x = sigma D w: no opaque cell is too dark or
+   too bright. */
+SCATTERI_HOT static float scatteri_attenuated_sum(const scatteri_nodes *n, float sigma, const float *value,
+                                                  const float *light_depth)
+{
+    float sum[SCATTERI_LANES], total = 0.0f;
+    int first, l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        sum[l] = 0.0f;
+    for (first = 0; first < n->count; first += SCATTERI_LANES) {
+        float factor[SCATTERI_LANES], depth[SCATTERI_LANES];
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            factor[l] = value[first + l];
+            depth[l] = n->depth[first + l];
+        }
+        if (n->cells)
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const float x = n->density[first + l] * n->weight[first + l];
+                depth[l] = scatteri_max(depth[l] - 0.5f * x, 0.0f);
+                factor[l] *= scatteri_exprel(-sigma * x);
+            }
+        for (l = 0; l < SCATTERI_LANES; l++)
+            sum[l] += factor[l] * scatteri_exp(-sigma * (depth[l] + light_depth[first + l]));
+    }
+    for (l = 0; l < SCATTERI_LANES; l++)
+        total += sum[l];
+    return total;
+}
+
+/* The same for RGB; one channel serves all three where extinction has no colour. */
+static scatter_vec3 scatteri_attenuated_rgb(const scatteri_medium *m, const scatteri_nodes *n, const float *value,
+                                            const float *light_depth)
+{
+    const scatter_vec3 s = m->desc.extinction;
+    scatter_vec3 sum;
+    sum.x = scatteri_attenuated_sum(n, s.x, value, light_depth);
+    sum.y = m->gray ? sum.x : scatteri_attenuated_sum(n, s.y, value, light_depth);
+    sum.z = m->gray ? sum.x : scatteri_attenuated_sum(n, s.z, value, light_depth);
+    return sum;
+}
+
+static int scatteri_lit(const scatter_context *c, const scatteri_light *light, scatter_vec3 x)
+{
+    const scatter_vec3 to = light->source.directional
+                                ? scatteri_along(x, light->desc.direction, -SCATTERI_HORIZON)
+                                : light->desc.position;
+    return c->scene.visible == NULL || c->scene.visible(c->scene.user, x, to) != 0;
+}
+
+static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth)
+{
+    return scatteri_v3(scatteri_exp(-m->desc.extinction.x * depth), scatteri_exp(-m->desc.extinction.y * depth),
+                       scatteri_exp(-m->desc.extinction.z * depth));
+}
+
+/* --------------------------------------------------------------------------------------------- >>ray
+   The integral along the eye ray. The ray is cut where the medium is not smooth (bounds, voxels, cones of spots,
+   edges of shadows), the pieces are cut into panels as the medium needs, a panel takes `nodes` nodes. */
+
+#define SCATTERI_PANEL 14.0f /* widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel */
+
+enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 24, SCATTERI_BISECTIONS = 16, SCATTERI_MOST_PANELS = 64 };
+
+typedef struct scatteri_eye {
+    const scatter_context *context;
+    scatteri_line line;   /* depth counts from line.t0 */
+    scatteri_page page;
+    float hull0, hull1;   /* Gaussians reach the ray in between; hull0 > hull1: none does */
+    int samples;          /* of voxel density along the ray: at profile0 + i step, i = 0..samples */
+    float profile0, profile1, step, voxel;
+    float density[SCATTERI_PROFILE + 2 * SCATTERI_LANES], depth[SCATTERI_PROFILE + 2 * SCATTERI_LANES];
+} scatteri_eye;
+
+/* How far an unbounded medium is followed: to where it is opaque, or has thinned out, or to the horizon. */
+static float scatteri_horizon(const scatteri_medium *m, scatter_vec3 o, scatter_vec3 u)
+{
+    float far = SCATTERI_HORIZON, low = 1e-3f, scale = 0.0f;
+    size_t i;
+    int step;
+    for (i = 0; i < m->desc.height_count; i++)
+        scale = scatteri_max(scale, m->desc.heights[i].scale);
+    if (u.y > 0.0f && !(m->desc.constant > 0.0f))
+        far = scatteri_min(far, 16.0f * scale / u.y);
+    if (!(m->sigma_least * scatteri_analytic_depth(&m->desc, o.y, u.y, far) > SCATTERI_OPAQUE))
+        return far;
+    for (step = 0; step < 14; step++) {
+        const float middle = scatteri_sqrt(low) * scatteri_sqrt(far);
+        if (m->sigma_least * scatteri_analytic_depth(&m->desc, o.y, u.y, middle) > SCATTERI_OPAQUE)
+            far = middle;
+        else
+            low = middle;
+    }
+    return far;
+}
+
+static void scatteri_find_hull(scatteri_eye *eye)
+{
+    const scatteri_page *page = &eye->page;
+    int i;
+    eye->hull0 = SCATTERI_FAR;
+    eye->hull1 = -SCATTERI_FAR;
+    for (i = 0; i < page->count; i++) {
+        eye->hull0 = scatteri_min(eye->hull0, page->m[i] - page->half[i]);
+        eye->hull1 = scatteri_max(eye->hull1, page->m[i] + page->half[i]);
+    }
+    if (!page->complete && page->count > 0) {
+        eye->hull0 = eye->line.t0;
+        eye->hull1 = eye->line.t1;
+    }
+    eye->hull0 = scatteri_max(eye->hull0, eye->line.t0);
+    eye->hull1 = scatteri_min(eye->hull1, eye->line.t1);
+}
+
+/* Reads the fields at 16 points of the profile from number `first` on. */
+static void scatteri_sample_profile(scatteri_eye *eye, int first)
+{
+    const scatteri_line *line = &eye->line;
+    float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES], *density = eye->density + first;
+    int l, f;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float t = eye->profile0 + (float)(first + l) * eye->step;
+        x[l] = line->origin.x + t * line->direction.x;
+        y[l] = line->origin.y + t * line->direction.y;
+        z[l] = line->origin.z + t * line->direction.z;
+        density[l] = 0.0f;
+    }
+    for (f = 0; f < eye->context->field_count; f++) {
+        const scatteri_field *field = &eye->context->fields[f];
+        if (scatteri_may_be_filled(field, scatteri_v3(x[0], y[0], z[0]),
+                                   scatteri_v3(x[SCATTERI_LANES - 1], y[SCATTERI_LANES - 1], z[SCATTERI_LANES - 1])))
+            scatteri_add_field(field, SCATTERI_LANES, x, y, z, density);
+    }
+}
+
+/* The stretch of the ray inside the fields' boxes, and the length of a voxel along it. */
+static int scatteri_profile_range(scatteri_eye *eye)
+{
+    const scatter_context *c = eye->context;
+    int f;
+    eye->profile0 = SCATTERI_FAR;
+    eye->profile1 = -SCATTERI_FAR;
+    eye->voxel = SCATTERI_FAR;
+    for (f = 0; f < c->field_count; f++) {
+        const scatteri_field *field = &c->fields[f];
+        const scatter_vec3 rate = scatteri_mul(eye->line.direction, field->per_metre);
+        float t0 = eye->line.t0, t1 = eye->line.t1;
+        if (!scatteri_clip(field->grid.box, eye->line.origin, eye->line.direction, &t0, &t1))
+            continue;
+        eye->profile0 = scatteri_min(eye->profile0, t0);
+        eye->profile1 = scatteri_max(eye->profile1, t1);
+        eye->voxel = scatteri_min(eye->voxel, 1.0f / scatteri_max(scatteri_abs(rate.x),
+                                              scatteri_max(scatteri_abs(rate.y), scatteri_abs(rate.z))));
+    }
+    return eye->profile0 < eye->profile1;
+}
+
+/* Voxel density and its running integral along the ray, once for all lights. */
+static void scatteri_take_profile(scatteri_eye *eye)
+{
+    const scatter_context *c = eye->context;
+    int i, first;
+    eye->samples = 0;
+    eye->depth[0] = 0.0f;
+    if (c->field_count == 0 || !scatteri_profile_range(eye))
+        return;
+    eye->step = scatteri_max(eye->voxel * 16.0f / (float)c->quality.nodes,
+                             (eye->profile1 - eye->profile0) / (float)(SCATTERI_PROFILE - 1));
+    eye->samples = (int)ceil((double)((eye->profile1 - eye->profile0) / eye->step));
+    eye->samples = scatteri_clamp_int(eye->samples, 1, SCATTERI_PROFILE - 1);
+    eye->step = (eye->profile1 - eye->profile0) / (float)eye->samples;
+    for (first = 0; first <= eye->samples; first += SCATTERI_LANES) {
+        scatteri_sample_profile(eye, first);
+        for (i = first; i < first + SCATTERI_LANES; i++)
+            if (i > 0)
+                eye->depth[i] = eye->depth[i - 1] + 0.5f * eye->step * (eye->density[i - 1] + eye->density[i]);
+        if (c->medium.sigma_least * eye->depth[first + SCATTERI_LANES - 1] > SCATTERI_OPAQUE &&
+            first + SCATTERI_LANES - 1 < eye->samples) {
+            eye->samples = first + SCATTERI_LANES - 1;
+            eye->profile1 = eye->profile0 + (float)eye->samples * eye->step;
+            eye->line.t1 = eye->profile1;
+        }
+    }
+}
+
+/* Adds the profile's density and depth at the nodes: density linear between samples, depth its integral. */
+SCATTERI_HOT static void scatteri_add_profile(const scatteri_eye *eye, int count, const float *SCATTERI_RESTRICT t,
+                                              float *SCATTERI_RESTRICT density, float *SCATTERI_RESTRICT depth)
+{
+    const float p0 = eye->profile0, p1 = eye->profile1, step = eye->step, inverse = 1.0f / eye->step;
+    const float top = (float)eye->samples;
+    const float *d = eye->density, *tau = eye->depth;
+    int first, l;
+    for (first = 0; first < count; first += SCATTERI_LANES)
+        for (l = first; l < first + SCATTERI_LANES; l++) {
+            const float g = scatteri_clamp((t[l] - p0) * inverse, 0.0f, top);
+            const int i = (int)scatteri_min(g, top - 1.0f);
+            const float f = g - (float)i, a = d[i], b = d[i + 1];
+            const float inside = t[l] >= p0 ? (t[l] <= p1 ? 1.0f : 0.0f) : 0.0f;
+            density[l] += inside * (a + f * (b - a));
+            depth[l] += tau[i] + step * f * (a + 0.5f * f * (b - a));
+        }
+}
+
+/* Positions of the nodes, their density and depth. */
+static void scatteri_fill_nodes(scatteri_eye *eye, scatteri_nodes *n)
+{
+    const scatter_context *c = eye->context;
+    const scatteri_line *line = &eye->line;
+    int i;
+    for (i = 0; i < n->count; i++) {
+        n->points.x[i] = line->origin.x + n->t[i] * line->direction.x;
+        n->points.y[i] = line->origin.y + n->t[i] * line->direction.y;
+        n->points.z[i] = line->origin.z + n->t[i] * line->direction.z;
+        n->density[i] = n->depth[i] = 0.0f;
+    }
+    if (c->exact && c->medium.gaussians.count > 0)
+        scatteri_add_gaussians(&c->medium.gaussians, line, &eye->page, n->count, n->t, n->density, n->depth);
+    if (eye->samples > 0)
+        scatteri_add_profile(eye, n->count, n->t, n->density, n->depth);
+    for (i = 0; i < n->count && c->medium.has_analytic; i++) {
+        n->density[i] += scatteri_analytic_density(&c->medium.desc, n->points.y[i]);
+        n->depth[i] += scatteri_analytic_depth(&c->medium.desc,
+                                               line->origin.y + line->t0 * line->direction.y,
+                                               line->direction.y, n->t[i] - line->t0);
+    }
+}
+
+/* Nodes on the panel ua..ub of the map: Gauss-Legendre, or the middles of equal cells. */
+static void scatteri_place_nodes(const scatter_context *c, const scatteri_map *map, float ua, float ub, int cells,
+                                 scatteri_nodes *n)
+{
+    const int real = c->quality.nodes;
+    const float middle = 0.5f * (ua + ub), half = 0.5f * (ub - ua);
+    int i;
+    n->count = (real + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
+    n->cells = cells;
+    for (i = 0; i < n->count; i++) {
+        const int k = i < real ? i : real - 1;
+        const float x = cells ? ((float)(2 * k + 1) / (float)real - 1.0f) : c->node[k];
+        const float w = cells ? 2.0f / (float)real : c->weight[k];
+        const float u = middle + half * x;
+        n->t[i] = scatteri_to_t(map, u);
+        n->weight[i] = i < real ? half * w * (map->local ? map->d * scatteri_cosh(u) : 1.0f) : 0.0f;
+    }
+}
+
+/* What is integrated over the same nodes: emission, one local light, or directional lights. */
+typedef struct scatteri_pass {
+    int emission;
+    int first, end;            /* lights; local ones only alone */
+    const scatteri_light *cut; /* the one light whose cone and shadows cut the ray, or NULL */
+    scatteri_map map;
+} scatteri_pass;
+
+static int scatteri_in_pass(const scatter_context *c, const scatteri_pass *pass, int light)
+{
+    const scatter_vec3 i = c->lights[light].desc.intensity;
+    return c->lights[light].source.directional != pass->map.local && (i.x > 0.0f || i.y > 0.0f || i.z > 0.0f);
+}
+
+static void scatteri_add_emission(const scatter_context *c, const scatteri_nodes *n, scatter_vec3 *radiance)
+{
+    float value[SCATTERI_NODES], none[SCATTERI_NODES];
+    int i;
+    for (i = 0; i < n->count; i++) {
+        value[i] = n->weight[i] * n->density[i];
+        none[i] = 0.0f;
+    }
+    *radiance = scatteri_add(*radiance, scatteri_mul(c->medium.desc.emission,
+                                                     scatteri_attenuated_rgb(&c->medium, n, value, none)));
+}
+
+static void scatteri_add_light(const scatter_context *c, const scatteri_light *light, const scatteri_map *map,
+                               const scatteri_line *span, scatteri_nodes *n, int probe, scatter_vec3 *radiance)
+{
+    float value[SCATTERI_NODES], depth[SCATTERI_NODES];
+    scatter_vec3 sum;
+    int i;
+    scatteri_light_depth(c, light, span, n, depth);
+    scatteri_scatter(light, map, c->medium.lobes, span->direction, n, value);
+    for (i = 0; probe && i < n->count; i++)
+        if (value[i] > 0.0f && !scatteri_lit(c, light, scatteri_v3(n->points.x[i], n->points.y[i], n->points.z[i])))
+            value[i] = 0.0f;
+    sum = scatteri_attenuated_rgb(&c->medium, n, value, depth);
+    sum = scatteri_mul(sum, scatteri_mul(light->desc.intensity, c->medium.desc.albedo));
+    *radiance = scatteri_add(*radiance, scatteri_mul(sum, c->medium.desc.extinction));
+}
+
+/* 0 where nothing more can be seen: no density, or opaque in front. */
+static int scatteri_matters(const scatter_context *c, const scatteri_nodes *n)
+{
+    float most = 0.0f;
+    int i;
+    for (i = 0; i < n->count; i++)
+        most = scatteri_max(most, n->density[i]);
+    return most > 0.0f && c->medium.sigma_least * n->depth[0] < SCATTERI_OPAQUE;
+}
+
+static void scatteri_add_panel(scatteri_eye *eye, const scatteri_pass *pass, float ua, float ub, int cells,
+                               scatter_vec3 *radiance)
+{
+    const scatter_context *c = eye->context;
+    scatteri_nodes n;
+    scatteri_line span = eye->line;
+    int i;
+    scatteri_place_nodes(c, &pass->map, ua, ub, cells, &n);
+    scatteri_fill_nodes(eye, &n);
+    if (!scatteri_matters(c, &n))
+        return;
+    span.t0 = n.t[0];
+    span.t1 = n.t[n.count - 1];
+    if (pass->emission)
+        scatteri_add_emission(c, &n, radiance);
+    for (i = pass->first; i < pass->end; i++)
+        if (scatteri_in_pass(c, pass, i))
+            scatteri_add_light(c, &c->lights[i], &pass->map, &span, &n, 0, radiance);
+}
+
+/* --- panels ---
+   A piece of the ray is divided into bins. A bin's rate says how many features (widths of the narrowest Gaussian,
+   of the light's peak, e-foldings of fog, voxels) fit into a unit of u; panels hold SCATTERI_PANEL of them. */
+
+typedef struct scatteri_bins {
+    float u0, width;
+    float low[SCATTERI_BINS], high[SCATTERI_BINS]; /* t of the ends */
+    float stretch[SCATTERI_BINS];                  /* dt/du in the middle */
+    float rate[SCATTERI_BINS];
+} scatteri_bins;
+
+/* Narrow features of opaque Gaussians are their edges: a width 1/a shrinks with the log of the depth. */
+SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, float sigma, scatteri_bins *bins)
+{
+    int g, b;
+    float total = 1e-30f;
+    for (g = 0; g < page->count; g++)
+        total = scatteri_max(total, page->scale[g] * scatteri_exp(-page->fade[g]));
+    for (g = 0; g < page->count; g++) {
+        const float share = scatteri_exp(-page->fade[g]) * page->scale[g];
+        const float faint = 1.0f + 0.1f * scatteri_log(scatteri_max(share / total, 1e-30f));
+        const float rate = page->a[g] * scatteri_max(faint, 0.0f) *
+                           (1.0f + 0.2f * scatteri_log(1.0f + 2.0f * sigma * share));
+        const float low = page->m[g] - page->half[g], high = page->m[g] + page->half[g];
+        for (b = 0; b < SCATTERI_BINS; b++) {
+            const float here = low < bins->high[b] ? (high > bins->low[b] ? rate : 0.0f) : 0.0f;
+            bins->rate[b] = scatteri_max(bins->rate[b], here * bins->stretch[b]);
+        }
+    }
+}
+
+static float scatteri_analytic_rate(const scatteri_eye *eye, float t)
+{
+    const scatter_medium *m = &eye->context->medium.desc;
+    const scatteri_line *line = &eye->line;
+    float rate = eye->context->medium.sigma_most *
+                 scatteri_analytic_density(m, line->origin.y + t * line->direction.y);
+    size_t i;
+    for (i = 0; i < m->height_count; i++)
+        rate = scatteri_max(rate, scatteri_abs(line->direction.y) / m->heights[i].scale);
+    return 0.4f * rate;
+}
+
+static void scatteri_fill_bins(scatteri_eye *eye, const scatteri_map *map, float ua, float ub, int cells,
+                               scatteri_bins *bins)
+{
+    const scatter_context *c = eye->context;
+    int b;
+    bins->u0 = ua;
+    bins->width = (ub - ua) / (float)SCATTERI_BINS;
+    for (b = 0; b < SCATTERI_BINS; b++) {
+        const float u = ua + ((float)b + 0.5f) * bins->width, t = scatteri_to_t(map, u);
+        bins->low[b] = b > 0 ? bins->high[b - 1] : scatteri_to_t(map, ua);
+        bins->high[b] = scatteri_to_t(map, ua + (float)(b + 1) * bins->width);
+        bins->stretch[b] = map->local ? map->d * scatteri_cosh(u) : 1.0f;
+        bins->rate[b] = cells ? SCATTERI_PANEL / (16.0f * eye->voxel) : 0.0f;
+        if (c->medium.has_analytic)
+            bins->rate[b] = scatteri_max(bins->rate[b], scatteri_max(scatteri_analytic_rate(eye, t), 1e-30f));
+        bins->rate[b] *= bins->stretch[b];
+    }
+    if (c->exact && eye->page.count > 0)
+        scatteri_rate_gaussians(&eye->page, c->medium.sigma_most, bins);
+    for (b = 0; b < SCATTERI_BINS && map->local; b++)
+        bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], 1.0f) : 0.0f;
+}
+
+/* A run of bins that are not empty, in panels of equal content. */
+static void scatteri_add_run(scatteri_eye *eye, const scatteri_pass *pass, const scatteri_bins *bins, int first,
+                             int end, int cells, scatter_vec3 *radiance)
+{
+    float content = 0.0f, each, filled = 0.0f, ua = bins->u0 + (float)first * bins->width;
+    int b, panels, done = 0;
+    for (b = first; b < end; b++)
+        content += bins->rate[b] * bins->width;
+    panels = (int)scatteri_clamp(content / SCATTERI_PANEL, 0.0f, (float)(SCATTERI_MOST_PANELS - 1)) + 1;
+    each = content / (float)panels;
+    for (b = first; b < end; b++) {
+        const float here = bins->rate[b] * bins->width, left = bins->u0 + (float)b * bins->width;
+        while (done < panels - 1 && filled + here >= each * (float)(done + 1)) {
+            const float ub = left + bins->width * scatteri_clamp((each * (float)(done + 1) - filled) / here, 0.0f, 1.0f);
+            scatteri_add_panel(eye, pass, ua, ub, cells, radiance);
+            ua = ub;
+            done++;
+        }
+        filled += here;
+    }
+    scatteri_add_panel(eye, pass, ua, bins->u0 + (float)end * bins->width, cells, radiance);
+}
+
+/* A piece of the ray on which only the medium's smooth shape counts. */
+static void scatteri_add_piece(scatteri_eye *eye, const scatteri_pass *pass, float ta, float tb, scatter_vec3 *radiance)
+{
+    const float middle = 0.5f * (ta + tb);
+    const int cells = eye->samples > 0 && middle > eye->profile0 && middle < eye->profile1;
+    scatteri_bins bins;
+    int b = 0, end;
+    scatteri_fill_bins(eye, &pass->map, scatteri_to_u(&pass->map, ta), scatteri_to_u(&pass->map, tb), cells, &bins);
+    while (b < SCATTERI_BINS) {
+        for (; b < SCATTERI_BINS && !(bins.rate[b] > 0.0f); b++)
+            ;
+        for (end = b; end < SCATTERI_BINS && bins.rate[end] > 0.0f; end++)
+            ;
+        if (b < end)
+            scatteri_add_run(eye, pass, &bins, b, end, cells, radiance);
+        b = end;
+    }
+}
+
+/* --- pieces --- */
+
+static int scatteri_lit_at(const scatteri_eye *eye, const scatteri_light *light, float t)
+{
+    return scatteri_lit(eye->context, light, scatteri_along(eye->line.origin, eye->line.direction, t));
+}
+
+/* Where light and shadow meet between a (in state `lit`) and b (in the other). */
+static float scatteri_shadow_edge(const scatteri_eye *eye, const scatteri_light *light, float a, float b, int lit)
+{
+    int step;
+    for (step = 0; step < SCATTERI_BISECTIONS; step++) {
+        const float middle = 0.5f * (a + b);
+        if (scatteri_lit_at(eye, light, middle) == lit)
+            a = middle;
+        else
+            b = middle;
+    }
+    return 0.5f * (a + b);
+}
+
+/* The lit parts of a piece, found by probes and bisection. */
+static void scatteri_add_lit(scatteri_eye *eye, const scatteri_pass *pass, float ta, float tb, scatter_vec3 *radiance)
+{
+    const scatteri_light *light = pass->cut;
+    const float ua = scatteri_to_u(&pass->map, ta), ub = scatteri_to_u(&pass->map, tb);
+    float start = ta, before = ta;
+    int probe, lit = 0, now;
+    for (probe = 0; probe < SCATTERI_PROBES; probe++) {
+        const float at = ((float)probe + 0.5f) / (float)SCATTERI_PROBES;
+        const float t = scatteri_to_t(&pass->map, ua + at * (ub - ua));
+        now = scatteri_lit_at(eye, light, t);
+        if (probe == 0) {
+            lit = now;
+        } else if (now != lit) {
+            const float edge = scatteri_shadow_edge(eye, light, before, t, lit);
+            if (lit)
+                scatteri_add_piece(eye, pass, start, edge, radiance);
+            start = edge;
+            lit = now;
+        }
+        before = t;
+    }
+    if (lit)
+        scatteri_add_piece(eye, pass, start, tb, radiance);
+}
+
+static void scatteri_add_edge(float *edges, int *count, float t, float t0, float t1)
+{
+    int i;
+    if (!(t > t0 && t < t1) || *count >= SCATTERI_EDGES)
+        return;
+    for (i = *count; i > 0 && edges[i - 1] > t; i--)
+        edges[i] = edges[i - 1];
+    edges[i] = t;
+    (*count)++;
+}
+
+/* Where the ray crosses the cone of half-angle acos(k) (both nappes) around the light's axis. */
+static void scatteri_cone_edges(const scatteri_line *line, const scatteri_light *light, float k, float *edges,
+                                int *count)
+{
+    const scatter_vec3 to = scatteri_sub(line->origin, light->desc.position), w = light->desc.direction;
+    const double uw = (double)scatteri_dot(line->direction, w), ow = (double)scatteri_dot(to, w);
+    const double k2 = (double)k * (double)k, ou = (double)scatteri_dot(to, line->direction);
+    const double a = uw * uw - k2, b = uw * ow - k2 * ou, c = ow * ow - k2 * (double)scatteri_dot(to, to);
+    const double root = b * b - a * c;
+    double q;
+    if (root <= 0.0)
+        return;
+    q = b >= 0.0 ? -(b + sqrt(root)) : -(b - sqrt(root));
+    if (a != 0.0)
+        scatteri_add_edge(edges, count, (float)(q / a), line->t0, line->t1);
+    if (q != 0.0)
+        scatteri_add_edge(edges, count, (float)(c / q), line->t0, line->t1);
+}
+
+static int scatteri_in_cone(const scatteri_eye *eye, const scatteri_light *light, float t)
+{
+    const scatter_vec3 x = scatteri_along(eye->line.origin, eye->line.direction, t);
+    const scatter_vec3 from = scatteri_unit_or_zero(scatteri_sub(x, light->desc.position));
+    return light->desc.kind != SCATTER_LIGHT_SPOT || scatteri_dot(from, light->desc.direction) > light->cos_outer;
+}
+
+static int scatteri_filled(const scatteri_eye *eye, float t)
+{
+    return eye->context->medium.has_analytic || (t > eye->hull0 && t < eye->hull1) ||
+           (eye->samples > 0 && t > eye->profile0 && t < eye->profile1);
+}
+
+static void scatteri_run_pass(scatteri_eye *eye, const scatteri_pass *pass, scatter_vec3 *radiance)
+{
+    const scatter_context *c = eye->context;
+    const scatteri_line *line = &eye->line;
+    const scatteri_light *light = pass->cut;
+    float edges[SCATTERI_EDGES + 2];
+    int count = 0, i;
+    scatteri_add_edge(edges, &count, eye->hull0, line->t0, line->t1);
+    scatteri_add_edge(edges, &count, eye->hull1, line->t0, line->t1);
+    if (eye->samples > 0) {
+        scatteri_add_edge(edges, &count, eye->profile0, line->t0, line->t1);
+        scatteri_add_edge(edges, &count, eye->profile1, line->t0, line->t1);
+    }
+    if (light != NULL && light->desc.kind == SCATTER_LIGHT_SPOT) {
+        scatteri_cone_edges(line, light, light->cos_outer, edges, &count);
+        scatteri_cone_edges(line, light, light->cos_inner, edges, &count);
+    }
+    for (i = 0; i <= count; i++) {
+        const float ta = i > 0 ? edges[i - 1] : line->t0, tb = i < count ? edges[i] : line->t1;
+        const float middle = 0.5f * (ta + tb);
+        if (!(ta < tb) || !scatteri_filled(eye, middle) || (light != NULL && !scatteri_in_cone(eye, light, middle)))
+            continue;
+        if (light != NULL && c->scene.visible != NULL)
+            scatteri_add_lit(eye, pass, ta, tb, radiance);
+        else
+            scatteri_add_piece(eye, pass, ta, tb, radiance);
+    }
+}
+
+static int scatteri_glows(const scatter_context *c)
+{
+    const scatter_vec3 e = c->medium.desc.emission;
+    return e.x > 0.0f || e.y > 0.0f || e.z > 0.0f;
+}
+
+/* Emission and all directional lights share nodes, unless geometry cuts the ray differently for each. */
+static void scatteri_integrate(scatteri_eye *eye, scatter_vec3 *radiance)
+{
+    const scatter_context *c = eye->context;
+    scatteri_pass pass;
+    int i, directional = 0;
+    for (i = 0; i < c->light_count; i++)
+        directional |= c->lights[i].source.directional;
+    pass.map = scatteri_no_map();
+    pass.emission = scatteri_glows(c);
+    pass.cut = NULL;
+    pass.first = 0;
+    pass.end = c->scene.visible == NULL ? c->light_count : 0;
+    if (pass.emission || (directional && pass.end > 0))
+        scatteri_run_pass(eye, &pass, radiance);
+    pass.emission = 0;
+    for (i = 0; i < c->light_count; i++) {
+        pass.first = i;
+        pass.end = i + 1;
+        pass.cut = &c->lights[i];
+        pass.map = scatteri_map_light(&eye->line, &c->lights[i]);
+        if ((pass.map.local || c->scene.visible != NULL) && scatteri_in_pass(c, &pass, i))
+            scatteri_run_pass(eye, &pass, radiance);
+    }
+}
+
+/* --- the whole ray --- */
+
+static scatter_vec3 scatteri_end_of_ray(scatteri_eye *eye)
+{
+    scatteri_nodes n;
+    int l;
+    n.count = SCATTERI_LANES;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        n.t[l] = eye->line.t1;
+    scatteri_fill_nodes(eye, &n);
+    return scatteri_transmittance(&eye->context->medium, n.depth[0]);
+}
+
+/* Cuts the ray to where there is medium and gathers what lies on it; 0 if nothing does. */
+static int scatteri_begin_eye(scatteri_eye *eye, const scatter_context *c, scatter_vec3 origin, scatter_vec3 direction,
+                              float end)
+{
+    const scatteri_medium *m = &c->medium;
+    scatteri_line *line = &eye->line;
+    eye->context = c;
+    line->origin = origin;
+    line->direction = direction;
+    line->t0 = 0.0f;
+    line->t1 = end;
+    eye->samples = 0;
+    eye->page.count = 0;
+    eye->page.complete = 1;
+    eye->hull0 = SCATTERI_FAR;
+    eye->hull1 = -SCATTERI_FAR;
+    if (!scatteri_bounded(&m->desc, origin, direction, &line->t0, &line->t1))
+        return 0;
+    if (m->has_analytic)
+        line->t1 = scatteri_min(line->t1, scatteri_max(scatteri_horizon(m, origin, direction), line->t0));
+    else if (!m->has_local || !scatteri_clip(m->local, origin, direction, &line->t0, &line->t1))
+        return 0;
+    if (c->exact && m->gaussians.count > 0) {
+        scatteri_gather(&m->gaussians, line, 0, &eye->page);
+        scatteri_find_hull(eye);
+    }
+    return line->t0 < line->t1;
+}
+
+/* Uniform steps with running sums, as in the papers. */
+static void scatteri_march_eye(scatteri_eye *eye, scatter_sample *sample)
+{
+    const scatter_context *c = eye->context;
+    const int steps = c->quality.nodes;
+    const float step = (eye->line.t1 - eye->line.t0) / (float)steps;
+    const scatteri_line *line = &eye->line;
+    float running = 0.0f;
+    scatteri_nodes n;
+    int first, i, f;
+    n.cells = 0;
+    for (first = 0; first < steps; first += SCATTERI_NODES) {
+        const int real = steps - first < SCATTERI_NODES ? steps - first : SCATTERI_NODES;
+        n.count = (real + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
+        for (i = 0; i < n.count; i++) {
+            n.t[i] = line->t0 + ((float)(first + (i < real ? i : real - 1)) + 0.5f) * step;
+            n.weight[i] = i < real ? step : 0.0f;
+        }
+        scatteri_fill_nodes(eye, &n);
+        for (f = 0; f < c->field_count; f++)
+            scatteri_add_field(&c->fields[f], n.count, n.points.x, n.points.y, n.points.z, n.density);
+        for (i = 0; i < n.count; i++) {
+            n.depth[i] = running + 0.5f * n.weight[i] * n.density[i];
+            running += n.weight[i] * n.density[i];
+        }
+        if (scatteri_glows(c))
+            scatteri_add_emission(c, &n, &sample->radiance);
+        for (i = 0; i < c->light_count; i++) {
+            const scatteri_map map = scatteri_map_light(line, &c->lights[i]);
+            scatteri_add_light(c, &c->lights[i], &map, line, &n, c->scene.visible != NULL, &sample->radiance);
+        }
+    }
+    sample->transmittance = scatteri_transmittance(&c->medium, running);
+}
+
+/* Radiance and transmittance of the medium between the origin and `end`. `direction` has unit length. */
+static void scatteri_look(const scatter_context *c, scatter_vec3 origin, scatter_vec3 direction, float end,
+                          scatter_sample *sample)
+{
+    scatteri_eye eye;
+    sample->radiance = scatteri_v3(0.0f, 0.0f, 0.0f);
+    sample->transmittance = scatteri_v3(1.0f, 1.0f, 1.0f);
+    if (!scatteri_begin_eye(&eye, c, origin, direction, end))
+        return;
+    if (c->quality.ray == SCATTER_RAY_MARCH) {
+        scatteri_march_eye(&eye, sample);
+        return;
+    }
+    scatteri_take_profile(&eye);
+    sample->transmittance = scatteri_end_of_ray(&eye);
+    if (!c->medium.has_analytic && eye.samples == 0) {
+        eye.line.t1 = scatteri_min(eye.line.t1, eye.hull1);
+        if (eye.hull0 >= eye.line.t1)
+            return;
+    }
+    scatteri_integrate(&eye, &sample->radiance);
+}
+
+/* --- surfaces --- */
+
+/* Irradiance factor of a light at x on a plane square to its direction, before visibility and depth; *to: unit. */
+static float scatteri_fall(const scatteri_light *light, scatter_vec3 x, scatter_vec3 *to)
+{
+    scatter_vec3 away;
+    float r2;
+    if (light->source.directional) {
+        *to = scatteri_scale(light->desc.direction, -1.0f);
+        return 1.0f;
+    }
+    away = scatteri_sub(light->desc.position, x);
+    r2 = scatteri_dot(away, away);
+    *to = scatteri_unit_or_zero(away);
+    r2 = 1.0f / scatteri_max(r2 + light->desc.radius * light->desc.radius, 1e-30f);
+    return light->desc.kind != SCATTER_LIGHT_SPOT
+               ? r2
+               : r2 * scatteri_spot(light->cos_inner, light->cos_outer, -scatteri_dot(*to, light->desc.direction));
+}
+
+/* BRDF times cosine: Lambert plus Phong. */
+static scatter_vec3 scatteri_brdf(const scatter_surface *s, scatter_vec3 ray, scatter_vec3 to)
+{
+    const float cosine = scatteri_max(scatteri_dot(s->normal, to), 0.0f);
+    const scatter_vec3 mirror =
+        scatteri_sub(ray, scatteri_scale(s->normal, 2.0f * scatteri_dot(ray, s->normal)));
+    const float gloss = scatteri_max(scatteri_dot(mirror, to), 0.0f);
+    const float phong = gloss > 0.0f ? (s->shininess + 2.0f) * 0.159154943f *
+                                           scatteri_exp(s->shininess * scatteri_log(scatteri_max(gloss, 1e-30f)))
+                                     : 0.0f;
+    return scatteri_scale(scatteri_add(scatteri_scale(s->albedo, 0.318309886f), scatteri_scale(s->specular, phong)),
+                          cosine);
+}
+
+/* Radiance that the surface point sends back along the ray, lit through the medium. */
+static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surface *s, scatter_vec3 origin,
+                                   scatter_vec3 ray)
+{
+    const scatter_vec3 x = scatteri_along(origin, ray, s->distance);
+    scatter_vec3 sum = {0.0f, 0.0f, 0.0f};
+    int i;
+    for (i = 0; i < c->light_count; i++) {
+        const scatteri_light *light = &c->lights[i];
+        scatter_vec3 to, value;
+        const float fall = scatteri_fall(light, x, &to);
+        value = scatteri_scale(scatteri_mul(scatteri_brdf(s, ray, to), light->desc.intensity), fall);
+        if (!(value.x > 0.0f || value.y > 0.0f || value.z > 0.0f) || !scatteri_lit(c, light, x))
+            continue;
+        sum = scatteri_add(sum, scatteri_mul(value, scatteri_transmittance(&c->medium,
+                                                                           scatter_depth_at(&light->depth, x))));
+    }
+    return sum;
+}
+
+/* ------------------------------------------------------------------------------------------- >>image */
+
+enum { SCATTERI_TILE = 16, SCATTERI_CHUNKS = 50 };
+
+typedef struct scatteri_picture {
+    const scatter_context *context;
+    scatter_view view;
+    scatter_image image;
+    int across;  /* tiles in a row */
+    int first;   /* tile that task 0 renders */
+} scatteri_picture;
+
+/* Unit vector of a vector of any length but 0. */
+static scatter_vec3 scatteri_unit(scatter_vec3 v)
+{
+    const float most = scatteri_max(scatteri_abs(v.x), scatteri_max(scatteri_abs(v.y), scatteri_abs(v.z)));
+    return scatteri_normalize(scatteri_scale(v, most > 0.0f ? 1.0f / most : 0.0f));
+}
+
+/* What the ray sees: the medium up to `end`, and behind it the surface or the background. */
+static void scatteri_sample_ray(const scatter_context *c, scatter_vec3 origin, scatter_vec3 direction,
+                                const scatter_surface *hit, scatter_sample *sample)
+{
+    scatteri_look(c, origin, direction, hit != NULL ? hit->distance : SCATTERI_FAR, sample);
+    sample->surface = hit != NULL ? scatteri_shade(c, hit, origin, direction) : c->scene.background;
+}
+
+static void scatteri_put(float *pixels, size_t at, scatter_vec3 rgb)
+{
+    pixels[3 * at] = rgb.x;
+    pixels[3 * at + 1] = rgb.y;
+    pixels[3 * at + 2] = rgb.z;
+}
+
+static void scatteri_render_pixel(const scatteri_picture *job, int x, int y)
+{
+    const scatter_context *c = job->context;
+    const scatter_image *image = &job->image;
+    const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
+    const scatter_ray ray = scatter_view_ray(&job->view, ((float)x + 0.5f) / (float)image->width,
+                                             ((float)y + 0.5f) / (float)image->height);
+    const float distance = image->distance != NULL ? image->distance[at] : 0.0f;
+    scatter_surface hit;
+    scatter_sample s;
+    if (image->distance == NULL && c->scene.surface != NULL &&
+        c->scene.surface(c->scene.user, ray.origin, ray.direction, &hit)) {
+        scatteri_sample_ray(c, ray.origin, ray.direction, &hit, &s);
+    } else {
+        scatteri_look(c, ray.origin, ray.direction,
+                      distance > 0.0f && distance < SCATTERI_FAR ? distance : SCATTERI_FAR, &s);
+        s.surface = c->scene.background;
+    }
+    if (image->color != NULL)
+        s.surface = scatteri_v3(image->color[3 * at], image->color[3 * at + 1], image->color[3 * at + 2]);
+    scatteri_put(image->rgb, at, scatteri_add(s.radiance, scatteri_mul(s.transmittance, s.surface)));
+    if (image->transmittance != NULL)
+        scatteri_put(image->transmittance, at, s.transmittance);
+}
+
+static void scatteri_render_tile(void *data, int task)
+{
+    const scatteri_picture *job = (const scatteri_picture *)data;
+    const scatter_image *image = &job->image;
+    const int tile = job->first + task;
+    const int x0 = image->x0 + tile % job->across * SCATTERI_TILE, y0 = image->y0 + tile / job->across * SCATTERI_TILE;
+    int x, y;
+    for (y = y0; y < image->y1 && y < y0 + SCATTERI_TILE; y++)
+        for (x = x0; x < image->x1 && x < x0 + SCATTERI_TILE; x++)
+            scatteri_render_pixel(job, x, y);
+}
+
+/* All tiles; in chunks, so that progress can be told and the host can cancel, if it asked for that. */
+static scatter_result scatteri_render_tiles(scatteri_picture *job)
+{
+    const scatter_host *host = &job->context->host;
+    const int wide = job->image.x1 - job->image.x0, high = job->image.y1 - job->image.y0;
+    const int tiles = ((wide - 1) / SCATTERI_TILE + 1) * ((high - 1) / SCATTERI_TILE + 1);
+    const int chunk = host->progress != NULL ? (tiles - 1) / SCATTERI_CHUNKS + 1 : tiles;
+    job->across = (wide - 1) / SCATTERI_TILE + 1;
+    for (job->first = 0; job->first < tiles; job->first += chunk) {
+        const int count = tiles - job->first < chunk ? tiles - job->first : chunk;
+        if (host->progress != NULL && host->progress(host->user, (float)job->first / (float)tiles) != 0)
+            return scatteri_fail(host, SCATTER_CANCELLED, "host.progress cancelled the image");
+        scatteri_parallel(host, count, scatteri_render_tile, job);
+    }
+    if (host->progress != NULL)
+        (void)host->progress(host->user, 1.0f);
+    return SCATTER_OK;
+}
+
+SCATTER_API float scatter_log_average(const float *rgb, size_t pixels)
+{
+    double sum = 0.0;
+    size_t bright = 0, i;
+    for (i = 0; i < pixels; i++) {
+        const float l = scatteri_luminance(scatteri_v3(rgb[3 * i], rgb[3 * i + 1], rgb[3 * i + 2]));
+        if (l > 0.0f && l <= FLT_MAX) {
+            sum += log((double)l);
+            bright++;
+        }
+    }
+    return bright > 0 ? (float)exp(sum / (double)bright) : 0.0f;
+}
+
+SCATTER_API void scatter_tone_map(const scatter_tone *tone, const float *rgb, size_t pixels, float *out)
+{
+    const float key = tone != NULL && tone->key > 0.0f ? tone->key : 0.18f;
+    const float white = tone != NULL ? tone->white : 0.0f;
+    const float given = tone != NULL ? tone->log_average : 0.0f;
+    const float average = given > 0.0f ? given : scatter_log_average(rgb, pixels);
+    const float scale = average > 0.0f ? key / average : 0.0f;
+    size_t i;
+    for (i = 0; i < pixels; i++) {
+        const scatter_vec3 in = scatteri_scale(scatteri_v3(rgb[3 * i], rgb[3 * i + 1], rgb[3 * i + 2]), scale);
+        const float l = scatteri_luminance(in);
+        const float gain = l > 0.0f ? scatteri_reinhard(l, white) / l : 1.0f;
+        scatteri_put(out, i, scatteri_scale(in, gain));
+    }
+}
+
+SCATTER_API unsigned char scatter_srgb8(float linear)
+{
+    const double v = linear > 0.0f ? (linear < 1.0f ? (double)linear : 1.0) : 0.0;
+    const double s = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1.0 / 2.4) - 0.055;
+    return (unsigned char)(255.0 * s + 0.5);
+}
+
+static scatter_view scatteri_view_of(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up, float half_height,
+                                     float aspect, int perspective)
+{
+    const scatter_vec3 forward = scatteri_unit(scatteri_sub(target, eye));
+    const scatter_vec3 side = scatteri_cross(forward, scatteri_unit(up));
+    const scatter_vec3 right = scatteri_unit(scatteri_dot(side, side) > 1e-12f ? side : scatteri_perpendicular(forward));
+    const scatter_vec3 above = scatteri_cross(right, forward), none = {0.0f, 0.0f, 0.0f};
+    const scatter_vec3 dx = scatteri_scale(right, 2.0f * half_height * aspect);
+    const scatter_vec3 dy = scatteri_scale(above, -2.0f * half_height);
+    const scatter_vec3 corner = scatteri_scale(scatteri_add(dx, dy), -0.5f);
+    scatter_view view;
+    view.origin = perspective ? eye : scatteri_add(eye, corner);
+    view.origin_dx = perspective ? none : dx;
+    view.origin_dy = perspective ? none : dy;
+    view.direction = perspective ? scatteri_add(forward, corner) : forward;
+    view.direction_dx = perspective ? dx : none;
+    view.direction_dy = perspective ? dy : none;
+    return view;
+}
+
+SCATTER_API scatter_view scatter_view_perspective(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up, float fov_y,
+                                                  float aspect)
+{
+    return scatteri_view_of(eye, target, up, (float)tan(0.5 * (double)fov_y), aspect, 1);
+}
+
+SCATTER_API scatter_view scatter_view_orthographic(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up,
+                                                   float height, float aspect)
+{
+    return scatteri_view_of(eye, target, up, 0.5f * height, aspect, 0);
+}
+
+SCATTER_API scatter_ray scatter_view_ray(const scatter_view *view, float x, float y)
+{
+    scatter_ray ray;
+    ray.origin = scatteri_add(view->origin, scatteri_add(scatteri_scale(view->origin_dx, x),
+                                                         scatteri_scale(view->origin_dy, y)));
+    ray.direction = scatteri_unit(scatteri_add(view->direction, scatteri_add(scatteri_scale(view->direction_dx, x),
+                                                                             scatteri_scale(view->direction_dy, y))));
+    return ray;
+}
+
+/* -------------------------------------------------------------------------------------- >>validation
+   Everything from outside is looked at here, once, before anything is changed. */
+
+/* Names a field: array and index, or the plain member if index < 0. */
+typedef struct scatteri_where {
+    const scatter_host *host;
+    const char *array;
+    long index;
+} scatteri_where;
+
+static int scatteri_refuse(const scatteri_where *at, const char *member, float value, const char *must)
+{
+    if (at->index < 0)
+        scatteri_fail(at->host, SCATTER_BAD_ARGUMENT, "%s%s is %g, it must be %s", at->array, member, (double)value, must);
+    else
+        scatteri_fail(at->host, SCATTER_BAD_ARGUMENT, "%s[%ld]%s is %g, it must be %s", at->array, at->index, member,
+                      (double)value, must);
+    return 0;
+}
+
+static int scatteri_finite(float value)
+{
+    return value >= -FLT_MAX && value <= FLT_MAX;
+}
+
+static int scatteri_check(const scatteri_where *at, const char *member, float value, float low, float high,
+                          const char *must)
+{
+    return value >= low && value <= high ? 1 : scatteri_refuse(at, member, value, must);
+}
+
+static int scatteri_check_amount(const scatteri_where *at, const char *member, float value)
+{
+    return scatteri_check(at, member, value, 0.0f, 1e18f, "0..1e18");
+}
+
+static int scatteri_check_positive(const scatteri_where *at, const char *member, float value)
+{
+    return scatteri_check(at, member, value, 1e-18f, 1e18f, "1e-18..1e18");
+}
+
+static int scatteri_check_point(const scatteri_where *at, const char *member, scatter_vec3 v)
+{
+    const float most = 1e15f;
+    return scatteri_check(at, member, v.x, -most, most, "finite, at most 1e15 m from 0") &&
+           scatteri_check(at, member, v.y, -most, most, "finite, at most 1e15 m from 0") &&
+           scatteri_check(at, member, v.z, -most, most, "finite, at most 1e15 m from 0");
+}
+
+static int scatteri_check_direction(const scatteri_where *at, const char *member, scatter_vec3 v)
+{
+    if (!scatteri_finite(v.x) || !scatteri_finite(v.y) || !scatteri_finite(v.z))
+        return scatteri_refuse(at, member, scatteri_finite(v.x) ? scatteri_finite(v.y) ? v.z : v.y : v.x, "finite");
+    return v.x != 0.0f || v.y != 0.0f || v.z != 0.0f ? 1 : scatteri_refuse(at, member, 0.0f, "longer than 0");
+}
+
+static int scatteri_check_color(const scatteri_where *at, const char *member, scatter_vec3 v, float most,
+                                const char *must)
+{
+    return scatteri_check(at, member, v.x, 0.0f, most, must) && scatteri_check(at, member, v.y, 0.0f, most, must) &&
+           scatteri_check(at, member, v.z, 0.0f, most, must);
+}
+
+static int scatteri_check_box(const scatteri_where *at, const char *member, scatter_box b)
+{
+    if (!scatteri_check_point(at, member, b.min) || !scatteri_check_point(at, member, b.max))
+        return 0;
+    if (!(b.max.x > b.min.x))
+        return scatteri_refuse(at, member, b.max.x - b.min.x, "larger in max.x than in min.x");
+    if (!(b.max.y > b.min.y))
+        return scatteri_refuse(at, member, b.max.y - b.min.y, "larger in max.y than in min.y");
+    return b.max.z > b.min.z ? 1 : scatteri_refuse(at, member, b.max.z - b.min.z, "larger in max.z than in min.z");
+}
+
+static int scatteri_check_array(const scatteri_where *at, const char *member, const void *array, size_t count)
+{
+    if (count > 0 && array == NULL)
+        return scatteri_refuse(at, member, 0.0f, "an array: its count is not 0");
+    return count <= (size_t)INT_MAX / 64 ? 1 : scatteri_refuse(at, member, (float)count, "of fewer entries");
+}
+
+/* Voxels: every value finite and not negative. */
+static scatter_result scatteri_check_grid(const scatteri_where *at, const scatter_grid *g)
+{
+    size_t count, i;
+    if (g->nx < 1 || g->ny < 1 || g->nz < 1) {
+        const int least = g->nx < 1 ? g->nx : g->ny < 1 ? g->ny : g->nz;
+        scatteri_refuse(at, g->nx < 1 ? ".nx" : g->ny < 1 ? ".ny" : ".nz", (float)least, "at least 1");
+        return SCATTER_BAD_ARGUMENT;
+    }
+    count = scatteri_bytes((size_t)g->nx, (size_t)g->ny, (size_t)g->nz, 1);
+    if (count == 0)
+        return scatteri_fail(at->host, SCATTER_TOO_LARGE, "%s[%ld].nx * ny * nz is more than an int counts", at->array,
+                             at->index);
+    if (!scatteri_check_array(at, ".density", g->density, 1) || !scatteri_check_box(at, ".box", g->box) ||
+        !scatteri_check_amount(at, ".scale", g->scale))
+        return SCATTER_BAD_ARGUMENT;
+    for (i = 0; i < count; i++)
+        if (!(g->density[i] >= 0.0f && g->density[i] <= 1e18f)) {
+            scatteri_refuse(at, ".density", g->density[i], "0..1e18 in every voxel");
+            return SCATTER_BAD_ARGUMENT;
+        }
+    return SCATTER_OK;
+}
+
+static int scatteri_check_phase(const scatteri_where *at, const scatter_phase *phase)
+{
+    if ((int)phase->kind < 0 || (int)phase->kind > (int)SCATTER_PHASE_DROPLETS)
+        return scatteri_refuse(at, ".phase.kind", (float)phase->kind, "one of scatter_phase_kind");
+    if (phase->kind == SCATTER_PHASE_DROPLETS)
+        return scatteri_check(at, ".phase.diameter_um", phase->diameter_um, 1e-3f, 50.0f, "0.001..50 micrometres");
+    return scatteri_check(at, ".phase.g", phase->g, -0.9999f, 0.9999f, "-0.9999..0.9999") &&
+           scatteri_check_amount(at, ".phase.alpha", phase->alpha);
+}
+
+static int scatteri_check_terms(const scatter_host *host, const scatter_medium *m)
+{
+    scatteri_where at = {NULL, "medium.heights", 0};
+    size_t i;
+    at.host = host;
+    for (i = 0; i < m->height_count; i++) {
+        at.index = (long)i;
+        if (!scatteri_check_amount(&at, ".density", m->heights[i].density) ||
+            !scatteri_check(&at, ".y0", m->heights[i].y0, -1e15f, 1e15f, "finite, at most 1e15 m from 0") ||
+            !scatteri_check_positive(&at, ".scale", m->heights[i].scale))
+            return 0;
+    }
+    at.array = "medium.gaussians";
+    for (i = 0; i < m->gaussian_count; i++) {
+        at.index = (long)i;
+        if (!scatteri_check_point(&at, ".center", m->gaussians[i].center) ||
+            !scatteri_check(&at, ".a", m->gaussians[i].a, 1e-12f, 1e12f, "1e-12..1e12 per metre") ||
+            !scatteri_check_amount(&at, ".c", m->gaussians[i].c))
+            return 0;
+    }
+    return 1;
+}
+
+static scatter_result scatteri_check_medium(const scatter_host *host, const scatter_medium *m)
+{
+    scatteri_where at = {NULL, "medium", -1};
+    scatteri_where grid = {NULL, "medium.grids", 0};
+    scatter_result result = SCATTER_OK;
+    size_t i;
+    at.host = grid.host = host;
+    if (m == NULL)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "medium is NULL, it must point to a scatter_medium");
+    if (!scatteri_check_color(&at, ".extinction", m->extinction, 1e18f, "0..1e18") ||
+        !scatteri_check_color(&at, ".albedo", m->albedo, 1.0f, "0..1") ||
+        !scatteri_check_color(&at, ".emission", m->emission, 1e18f, "0..1e18") ||
+        !scatteri_check_phase(&at, &m->phase) || (m->bounded && !scatteri_check_box(&at, ".bounds", m->bounds)) ||
+        !scatteri_check_amount(&at, ".constant", m->constant) ||
+        !scatteri_check_array(&at, ".heights", m->heights, m->height_count) ||
+        !scatteri_check_array(&at, ".gaussians", m->gaussians, m->gaussian_count) ||
+        !scatteri_check_array(&at, ".grids", m->grids, m->grid_count) || !scatteri_check_terms(host, m))
+        return SCATTER_BAD_ARGUMENT;
+    for (i = 0; i < m->grid_count && result == SCATTER_OK; i++) {
+        grid.index = (long)i;
+        result = scatteri_check_grid(&grid, &m->grids[i]);
+    }
+    return result;
+}
+
+static int scatteri_check_light(const scatteri_where *at, const scatter_light *light)
+{
+    const float pi = 3.1415928f;
+    if ((int)light->kind < 0 || (int)light->kind > (int)SCATTER_LIGHT_DIRECTIONAL)
+        return scatteri_refuse(at, ".kind", (float)light->kind, "one of scatter_light_kind");
+    if (!scatteri_check_color(at, ".intensity", light->intensity, 1e18f, "0..1e18") ||
+        (light->kind != SCATTER_LIGHT_POINT && !scatteri_check_direction(at, ".direction", light->direction)) ||
+        (light->kind != SCATTER_LIGHT_DIRECTIONAL && (!scatteri_check_point(at, ".position", light->position) ||
+                                                      !scatteri_check_amount(at, ".radius", light->radius))))
+        return 0;
+    return light->kind != SCATTER_LIGHT_SPOT || (scatteri_check(at, ".outer", light->outer, 0.0f, pi, "0..pi") &&
+                                                 scatteri_check(at, ".inner", light->inner, 0.0f, light->outer, "0..outer"));
+}
+
+static int scatteri_check_quality(const scatter_host *host, const scatter_quality *q)
+{
+    scatteri_where at = {NULL, "quality", -1};
+    at.host = host;
+    if ((int)q->depth < 0 || (int)q->depth > (int)SCATTER_DEPTH_MARCH)
+        return scatteri_refuse(&at, ".depth", (float)q->depth, "one of scatter_depth_method");
+    if ((int)q->density < 0 || (int)q->density > (int)SCATTER_DENSITY_VOLUME)
+        return scatteri_refuse(&at, ".density", (float)q->density, "one of scatter_density_method");
+    if ((int)q->ray < 0 || (int)q->ray > (int)SCATTER_RAY_MARCH)
+        return scatteri_refuse(&at, ".ray", (float)q->ray, "one of scatter_ray_method");
+    if (q->nodes < 0 || q->nodes > (q->ray == SCATTER_RAY_MARCH ? (int)SCATTERI_STEPS : (int)SCATTERI_NODES))
+        return scatteri_refuse(&at, ".nodes", (float)q->nodes, "1..256 for quadrature, 1..4096 for the march, or 0");
+    if (q->grid != 0 && (q->grid < 2 || q->grid > 1024))
+        return scatteri_refuse(&at, ".grid", (float)q->grid, "2..1024, or 0");
+    return 1;
+}
+
+static scatter_result scatteri_check_scene(const scatter_host *host, const scatter_scene *scene)
+{
+    scatteri_where at = {NULL, "scene", -1};
+    scatter_result result;
+    size_t i;
+    at.host = host;
+    if (scene == NULL)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "scene is NULL, it must point to a scatter_scene");
+    result = scatteri_check_medium(host, &scene->medium);
+    if (result != SCATTER_OK)
+        return result;
+    if (!scatteri_check_color(&at, ".background", scene->background, FLT_MAX, "finite and not negative") ||
+        !scatteri_check_array(&at, ".lights", scene->lights, scene->light_count))
+        return SCATTER_BAD_ARGUMENT;
+    at.array = "lights";
+    for (i = 0; i < scene->light_count; i++) {
+        at.index = (long)i;
+        if (!scatteri_check_light(&at, &scene->lights[i]))
+            return SCATTER_BAD_ARGUMENT;
+    }
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_check_volume(const scatter_host *host, const scatter_volume *v)
+{
+    scatteri_where at = {NULL, "volume", -1};
+    at.host = host;
+    if (v == NULL || v->values == NULL)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "volume.values is NULL, it must hold nx*ny*nz floats");
+    if (v->nx < 1 || v->ny < 1 || v->nz < 1) {
+        const int least = v->nx < 1 ? v->nx : v->ny < 1 ? v->ny : v->nz;
+        scatteri_refuse(&at, v->nx < 1 ? ".nx" : v->ny < 1 ? ".ny" : ".nz", (float)least, "at least 1");
+        return SCATTER_BAD_ARGUMENT;
+    }
+    if (scatteri_bytes((size_t)v->nx, (size_t)v->ny, (size_t)v->nz, sizeof(float)) == 0)
+        return scatteri_fail(host, SCATTER_TOO_LARGE, "volume.nx * ny * nz is more than an int counts");
+    return scatteri_check_box(&at, ".box", v->box) ? SCATTER_OK : SCATTER_BAD_ARGUMENT;
+}
+
+static int scatteri_check_view(const scatter_host *host, const scatter_view *v)
+{
+    scatteri_where at = {NULL, "view", -1};
+    at.host = host;
+    if (v == NULL)
+        return scatteri_refuse(&at, "", 0.0f, "a scatter_view");
+    return scatteri_check_point(&at, ".origin", v->origin) && scatteri_check_point(&at, ".origin_dx", v->origin_dx) &&
+           scatteri_check_point(&at, ".origin_dy", v->origin_dy) &&
+           scatteri_check_direction(&at, ".direction", v->direction) &&
+           scatteri_check_point(&at, ".direction_dx", v->direction_dx) &&
+           scatteri_check_point(&at, ".direction_dy", v->direction_dy);
+}
+
+static scatter_result scatteri_check_image(const scatter_host *host, const scatter_image *i)
+{
+    if (i == NULL || i->rgb == NULL)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "image.rgb is NULL, it must hold width*height*3 floats");
+    if (i->width < 1 || i->height < 1)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "image.%s is %d, it must be at least 1",
+                             i->width < 1 ? "width" : "height", i->width < 1 ? i->width : i->height);
+    if (scatteri_bytes((size_t)i->width, (size_t)i->height, 3, sizeof(float)) == 0)
+        return scatteri_fail(host, SCATTER_TOO_LARGE, "image.width * height is more than an int counts");
+    if (i->x0 < 0 || i->x1 > i->width || i->x0 >= i->x1)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "image.x0, x1 are %d, %d, they must be 0 <= x0 < x1 <= width",
+                             i->x0, i->x1);
+    if (i->y0 < 0 || i->y1 > i->height || i->y0 >= i->y1)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "image.y0, y1 are %d, %d, they must be 0 <= y0 < y1 <= height",
+                             i->y0, i->y1);
+    return SCATTER_OK;
+}
+
+/* ------------------------------------------------------------------------------------------ >>public */
+
+SCATTER_API scatter_vec3 scatter_v3(float x, float y, float z)
+{
+    return scatteri_v3(x, y, z);
+}
+
+SCATTER_API scatter_result scatter_inject(const scatter_host *host, const scatter_medium *medium,
+                                          const scatter_volume *volume)
+{
+    const scatter_host h = scatteri_host_or_default(host);
+    scatter_result result = scatteri_check_medium(&h, medium);
+    if (result == SCATTER_OK)
+        result = scatteri_check_volume(&h, volume);
+    if (result == SCATTER_OK)
+        scatteri_inject(&h, medium, volume, 1);
+    return result;
+}
+
+static scatter_quality scatteri_resolve(const scatter_quality *quality, const scatter_medium *medium)
+{
+    scatter_quality q;
+    memset(&q, 0, sizeof q);
+    if (quality != NULL)
+        q = *quality;
+    q.depth = scatteri_choose_depth(q.depth, medium);
+    if (q.density == SCATTER_DENSITY_AUTO)
+        q.density = medium->gaussian_count <= 2048 ? SCATTER_DENSITY_EXACT : SCATTER_DENSITY_VOLUME;
+    q.nodes = q.nodes != 0 ? q.nodes : 16;
+    q.grid = scatteri_choose_grid(q.grid, medium);
+    return q;
+}
+
+static scatter_source scatteri_unit_source(const scatter_source *source)
+{
+    scatter_source s = *source;
+    s.directional = s.directional != 0;
+    if (s.directional)
+        s.direction = scatteri_unit(s.direction);
+    return s;
+}
+
+/* --- depth objects --- */
+
+SCATTER_API scatter_result scatter_depth_create(const scatter_host *host, scatter_depth **depth)
+{
+    const scatter_host h = scatteri_host_or_default(host);
+    if (depth == NULL)
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT, "depth is NULL, it must point to where the object goes");
+    *depth = (scatter_depth *)scatteri_allocate(&h, sizeof **depth);
+    if (*depth == NULL)
+        return scatteri_fail(&h, SCATTER_OUT_OF_MEMORY, "host.allocate gave no memory for a scatter_depth");
+    memset(*depth, 0, sizeof **depth);
+    (*depth)->host = h;
+    return SCATTER_OK;
+}
+
+static void scatteri_drop_depth(scatter_depth *depth)
+{
+    scatteri_drop(&depth->host, &depth->memory);
+    scatteri_drop(&depth->host, &depth->own_memory);
+    scatteri_drop_medium(&depth->host, &depth->own);
+}
+
+SCATTER_API void scatter_depth_destroy(scatter_depth *depth)
+{
+    scatter_host host;
+    if (depth == NULL)
+        return;
+    host = depth->host;
+    scatteri_drop_depth(depth);
+    scatteri_release(&host, depth);
+}
+
+static scatter_result scatteri_check_source(const scatter_host *host, const scatter_source *source)
+{
+    scatteri_where at = {NULL, "source", -1};
+    at.host = host;
+    if (source == NULL)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "source is NULL, it must point to a scatter_source");
+    return (source->directional ? scatteri_check_direction(&at, ".direction", source->direction)
+                                : scatteri_check_point(&at, ".position", source->position))
+               ? SCATTER_OK : SCATTER_BAD_ARGUMENT;
+}
+
+SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scatter_medium *medium,
+                                                const scatter_source *source, const scatter_quality *quality)
+{
+    scatter_result result;
+    scatter_quality q;
+    if (depth == NULL)
+        return SCATTER_BAD_ARGUMENT;
+    depth->ready = 0;
+    result = scatteri_check_medium(&depth->host, medium);
+    if (result == SCATTER_OK)
+        result = scatteri_check_source(&depth->host, source);
+    if (result == SCATTER_OK && quality != NULL && !scatteri_check_quality(&depth->host, quality))
+        result = SCATTER_BAD_ARGUMENT;
+    if (result == SCATTER_OK)
+        result = scatteri_prepare(&depth->host, &depth->own, medium);
+    if (result != SCATTER_OK)
+        return result;
+    q = scatteri_resolve(quality, medium);
+    depth->medium = &depth->own;
+    depth->source = scatteri_unit_source(source);
+    depth->method = q.depth;
+    if (scatteri_reads_injected(q.depth) && depth->own.has_local) {
+        depth->injected = &depth->own_injected;
+        result = scatteri_build_injected(&depth->host, &depth->own, q.grid, &depth->own_memory, &depth->own_injected);
+    }
+    if (result == SCATTER_OK)
+        result = scatteri_build_depth(depth, q.grid);
+    depth->ready = result == SCATTER_OK;
+    return result;
+}
+
+/* --- contexts --- */
+
+SCATTER_API scatter_result scatter_create(const scatter_host *host, scatter_context **context)
+{
+    const scatter_host h = scatteri_host_or_default(host);
+    if (context == NULL)
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT, "context is NULL, it must point to where the object goes");
+    *context = (scatter_context *)scatteri_allocate(&h, sizeof **context);
+    if (*context == NULL)
+        return scatteri_fail(&h, SCATTER_OUT_OF_MEMORY, "host.allocate gave no memory for a scatter_context");
+    memset(*context, 0, sizeof **context);
+    (*context)->host = h;
+    return SCATTER_OK;
+}
+
+SCATTER_API void scatter_destroy(scatter_context *c)
+{
+    scatter_host host;
+    int i;
+    if (c == NULL)
+        return;
+    host = c->host;
+    for (i = 0; i < c->light_room; i++)
+        scatteri_drop_depth(&c->lights[i].depth);
+    scatteri_release(&host, c->lights);
+    scatteri_drop_medium(&host, &c->medium);
+    scatteri_drop(&host, &c->injected_memory);
+    scatteri_release(&host, c);
+}
+
+/* Room for more lights; those that are there keep their volumes. */
+static scatter_result scatteri_reserve_lights(scatter_context *c, int count)
+{
+    scatteri_light *lights;
+    if (count <= c->light_room)
+        return SCATTER_OK;
+    lights = (scatteri_light *)scatteri_allocate(&c->host, (size_t)count * sizeof *lights);
+    if (lights == NULL)
+        return scatteri_fail(&c->host, SCATTER_OUT_OF_MEMORY, "host.allocate gave no memory for %d lights", count);
+    memset(lights, 0, (size_t)count * sizeof *lights);
+    if (c->light_room > 0)
+        memcpy(lights, c->lights, (size_t)c->light_room * sizeof *lights);
+    scatteri_release(&c->host, c->lights);
+    c->lights = lights;
+    c->light_room = count;
+    return SCATTER_OK;
+}
+
+static scatter_source scatteri_source_of(const scatter_light *light)
+{
+    scatter_source s;
+    s.directional = light->kind == SCATTER_LIGHT_DIRECTIONAL;
+    s.position = s.directional ? scatteri_v3(0.0f, 0.0f, 0.0f) : light->position;
+    s.direction = s.directional ? light->direction : scatteri_v3(0.0f, 0.0f, 0.0f);
+    return scatteri_unit_source(&s);
+}
+
+static int scatteri_same_source(const scatter_source *a, const scatter_source *b)
+{
+    return memcmp(&a->position, &b->position, sizeof a->position) == 0 &&
+           memcmp(&a->direction, &b->direction, sizeof a->direction) == 0 && a->directional == b->directional;
+}
+
+/* Takes over one light; its depth is propagated again only if the light moved or `anew`. */
+static scatter_result scatteri_update_light(scatter_context *c, scatteri_light *light, const scatter_light *desc,
+                                            int anew)
+{
+    const scatter_source source = scatteri_source_of(desc);
+    scatter_depth *d = &light->depth;
+    scatter_result result;
+    light->desc = *desc;
+    if (desc->kind != SCATTER_LIGHT_POINT)
+        light->desc.direction = scatteri_unit(desc->direction);
+    if (desc->kind == SCATTER_LIGHT_DIRECTIONAL)
+        light->desc.radius = 0.0f;
+    light->cos_inner = (float)cos((double)desc->inner);
+    light->cos_outer = (float)cos((double)desc->outer);
+    if (!anew && d->ready && scatteri_same_source(&source, &light->source))
+        return SCATTER_OK;
+    d->ready = 0;
+    d->host = c->host;
+    d->medium = &c->medium;
+    d->injected = &c->injected;
+    d->method = c->quality.depth;
+    d->source = light->source = source;
+    result = scatteri_build_depth(d, c->quality.grid);
+    d->ready = result == SCATTER_OK;
+    c->stats.propagations += d->ready && c->medium.has_local && d->method != SCATTER_DEPTH_CLOSED;
+    return result;
+}
+
+static scatter_result scatteri_update_medium(scatter_context *c, const scatter_scene *scene)
+{
+    scatter_result result = scatteri_prepare(&c->host, &c->medium, &scene->medium);
+    c->has_injected = c->medium.has_local && (c->quality.density == SCATTER_DENSITY_VOLUME ||
+                                              scatteri_reads_injected(c->quality.depth));
+    if (result != SCATTER_OK || !c->has_injected)
+        return result;
+    c->stats.injections++;
+    return scatteri_build_injected(&c->host, &c->medium, c->quality.grid, &c->injected_memory, &c->injected);
+}
+
+static void scatteri_choose_fields(scatter_context *c)
+{
+    c->exact = c->quality.density == SCATTER_DENSITY_EXACT;
+    c->fields = c->exact ? c->medium.fields : &c->injected;
+    c->field_count = c->exact ? (int)c->medium.desc.grid_count : c->has_injected;
+}
+
+static void scatteri_update_nodes(scatter_context *c)
+{
+    int i;
+    for (i = 0; i < c->quality.nodes && c->quality.ray == SCATTER_RAY_QUADRATURE; i++) {
+        const scatteri_vec2 node = scatteri_legendre(i, c->quality.nodes);
+        c->node[i] = node.x;
+        c->weight[i] = node.y;
+    }
+}
+
+static scatter_result scatteri_update_lights(scatter_context *c, const scatter_scene *scene, int anew)
+{
+    scatter_result result = scatteri_reserve_lights(c, (int)scene->light_count);
+    int i;
+    c->light_count = result == SCATTER_OK ? (int)scene->light_count : 0;
+    for (i = 0; i < c->light_count && result == SCATTER_OK; i++)
+        result = scatteri_update_light(c, &c->lights[i], &scene->lights[i], anew);
+    return result;
+}
+
+SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scene *scene,
+                                          const scatter_quality *quality)
+{
+    scatter_quality before;
+    scatter_result result;
+    int was_ready, anew;
+    if (c == NULL)
+        return SCATTER_BAD_ARGUMENT;
+    was_ready = c->ready;
+    c->ready = 0;
+    result = scatteri_check_scene(&c->host, scene);
+    if (result == SCATTER_OK && quality != NULL && !scatteri_check_quality(&c->host, quality))
+        result = SCATTER_BAD_ARGUMENT;
+    if (result != SCATTER_OK)
+        return result;
+    before = c->quality;
+    c->quality = scatteri_resolve(quality, &scene->medium);
+    anew = !was_ready || before.depth != c->quality.depth || before.density != c->quality.density ||
+           before.grid != c->quality.grid || !scatteri_same_density(&c->medium.desc, &scene->medium);
+    if (anew)
+        result = scatteri_update_medium(c, scene);
+    else
+        scatteri_take_optics(&c->medium, &scene->medium);
+    if (result == SCATTER_OK)
+        result = scatteri_update_lights(c, scene, anew);
+    if (result != SCATTER_OK)
+        return result;
+    if (!was_ready || before.nodes != c->quality.nodes || before.ray != c->quality.ray)
+        scatteri_update_nodes(c);
+    scatteri_choose_fields(c);
+    c->scene = *scene;
+    c->ready = 1;
+    return SCATTER_OK;
+}
+
+SCATTER_API scatter_stats scatter_get_stats(const scatter_context *c)
+{
+    scatter_stats stats;
+    int i;
+    memset(&stats, 0, sizeof stats);
+    if (c == NULL)
+        return stats;
+    stats = c->stats;
+    stats.bytes = sizeof *c + (size_t)c->light_room * sizeof *c->lights + c->medium.memory.bytes +
+                  c->medium.bricks.bytes + c->injected_memory.bytes;
+    for (i = 0; i < c->light_room; i++)
+        stats.bytes += c->lights[i].depth.memory.bytes;
+    return stats;
+}
+
+static int scatteri_ready(const scatter_context *c)
+{
+    if (c == NULL)
+        return 0;
+    if (!c->ready)
+        scatteri_fail(&c->host, SCATTER_BAD_ARGUMENT, "context holds no scene, call scatter_update before");
+    return c->ready;
+}
+
+SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scatter_ray *ray,
+                                            const scatter_surface *hit, scatter_sample *sample)
+{
+    scatteri_where at = {NULL, "ray", -1};
+    scatter_surface found;
+    scatter_vec3 direction;
+    if (!scatteri_ready(c))
+        return SCATTER_BAD_ARGUMENT;
+    at.host = &c->host;
+    if (ray == NULL || sample == NULL)
+        return scatteri_fail(at.host, SCATTER_BAD_ARGUMENT, "%s is NULL", ray == NULL ? "ray" : "sample");
+    if (!scatteri_check_point(&at, ".origin", ray->origin) ||
+        !scatteri_check_direction(&at, ".direction", ray->direction))
+        return SCATTER_BAD_ARGUMENT;
+    at.array = "hit";
+    if (hit != NULL && !scatteri_check_amount(&at, ".distance", hit->distance))
+        return SCATTER_BAD_ARGUMENT;
+    direction = scatteri_unit(ray->direction);
+    if (hit == NULL && c->scene.surface != NULL && c->scene.surface(c->scene.user, ray->origin, direction, &found))
+        hit = &found;
+    scatteri_sample_ray(c, ray->origin, direction, hit, sample);
+    return SCATTER_OK;
+}
+
+SCATTER_API scatter_result scatter_render(const scatter_context *c, const scatter_view *view,
+                                          const scatter_image *image)
+{
+    scatteri_picture job;
+    scatter_result result;
+    if (!scatteri_ready(c) || !scatteri_check_view(&c->host, view))
+        return SCATTER_BAD_ARGUMENT;
+    if (image == NULL)
+        return scatteri_fail(&c->host, SCATTER_BAD_ARGUMENT, "image is NULL, it must point to a scatter_image");
+    job.context = c;
+    job.view = *view;
+    job.image = *image;
+    if (image->x0 == 0 && image->y0 == 0 && image->x1 == 0 && image->y1 == 0) {
+        job.image.x1 = image->width;
+        job.image.y1 = image->height;
+    }
+    result = scatteri_check_image(&c->host, &job.image);
+    return result == SCATTER_OK ? scatteri_render_tiles(&job) : result;
+}
+
+#endif /* SCATTER_IMPLEMENTED */
+#endif /* SCATTER_IMPLEMENTATION */
+
+/*
+MIT License
+
+Copyright (c) 2026 the Scatter authors
+
+Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated
+documentation files (the "Software"), to deal in the Software without restriction, including without limitation the
+rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to permit
+persons to whom the Software is furnished to do so, subject to the following conditions:
+
+The above copyright notice and this permission notice shall be included in all copies or substantial portions of the
+Software.
+
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE
+WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR
+COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR
+OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
+*/

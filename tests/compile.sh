@@ -1,0 +1,361 @@
+# compile.sh - the steps of run.sh about compilers, symbols, names and files. Read by run.sh.
+# shellcheck shell=bash
+# shellcheck disable=SC2034,SC2086,SC2154
+
+HEADERS="scatter.h scatter_gl.h"
+COMPILERS="gcc:c99 clang:c99 g++:c++11 g++:c++20 clang++:c++11 clang++:c++20"
+
+# --------------------------------------------------------------------------------- compilers
+
+lines() { printf '%s\n' "$@"; }
+
+# Sources for one header: units that share one implementation (user, body), and units with private
+# copies of everything (alone, twin). Each program checks one number when it is run.
+write_units() {
+    local dir=$1 header=$2 implementation='#define SCATTER_IMPLEMENTATION'
+    mkdir -p "$dir"
+    cat >"$dir/test.h" <<END
+#include <$header>
+#include <$header>
+#include <string.h>
+static int is_wrong(void) {
+    scatter_medium fog;
+    float depth;
+    memset(&fog, 0, sizeof fog);
+    fog.constant = 2.0f; /* along three metres */
+    depth = scatter_optical_depth(&fog, scatter_v3(1, 0, 0), scatter_v3(1, 3, 0));
+    return !(depth > 5.999f && depth < 6.001f);
+}
+END
+    lines '#include "test.h"' 'int main(void) { return is_wrong(); }' >"$dir/user.c"
+    lines "$implementation" "#include <$header>" "#include <$header>" >"$dir/body.c"
+    lines '#define SCATTER_STATIC' "$implementation" '#include "test.h"' 'int twin(void);' \
+        'int main(void) { return is_wrong() + twin(); }' >"$dir/alone.c"
+    lines '#define SCATTER_STATIC' "$implementation" '#include "test.h"' 'int twin(void);' \
+        'int twin(void) { return is_wrong(); }' >"$dir/twin.c"
+}
+
+# strict COMPILER:STANDARD OPTION...: the strict warnings that this language knows.
+strict() {
+    local compiler=${1%%:*} standard=${1#*:} language="c++"
+    shift
+    case $standard in c[0-9]*) language="c -Wstrict-prototypes" ;; esac
+    $compiler -std=$standard $STRICT -x $language "$@"
+}
+
+# build_units DIR HEADERS_DIR COMPILER:STANDARD UNIT UNIT: two units make one program, which runs.
+build_units() {
+    local dir=$1 headers=$2 how=$3 a=$4 b=$5 object
+    object=$dir/$(echo "$how" | tr ':+' '_p')
+    strict $how -O1 -I"$headers" -c "$dir/$a.c" -o "$object.$a.o" || return
+    strict $how -O1 -I"$headers" -c "$dir/$b.c" -o "$object.$b.o" || return
+    ${how%%:*} "$object.$a.o" "$object.$b.o" -o "$object.$a" -lm || return
+    "$object.$a" || { echo "$object.$a: wrong result"; return 1; }
+}
+
+# plant NAME LINE [PATTERN]: a copy of the headers in build/test/planted/NAME, with the line added
+# to scatter.h after each line that matches.
+plant() {
+    mkdir -p "$PLANTED/$1"
+    cp $HEADERS "$PLANTED/$1"
+    sed -i "/${3-^#include <stddef.h>}/a $2" "$PLANTED/$1/scatter.h"
+}
+
+title_compile="each header by itself, twice, in two units, static in two units; C99, C++11, C++20"
+step_compile() {
+    local header how dir
+    plant warning 'static float scatteri_planted(double x) { return x; }'
+    plant body 'void scatteri_planted(void); void scatteri_planted(void) {}'
+    for header in $HEADERS; do
+        dir=$OUT/units/$header
+        write_units "$dir" $header
+        for how in $COMPILERS; do
+            later check "$header, $how, shared" build_units "$dir" . $how user body
+            later check "$header, $how, static" build_units "$dir" . $how alone twin
+        done
+    done
+    gather
+    dir=$OUT/units/scatter.h
+    for how in $COMPILERS; do
+        later refuse "$how: a warning" 'W(error=)?.*(conversion|unused)' \
+            build_units "$dir" "$PLANTED/warning" $how user body
+    done
+    gather
+    refuse "shared units: a definition in the header" 'multiple definition' \
+        build_units "$dir" "$PLANTED/body" gcc:c99 user body
+    cp -r "$dir" "$PLANTED/units"
+    sed -i '/SCATTER_STATIC/d' "$PLANTED"/units/*.c
+    refuse "static units: without SCATTER_STATIC" 'multiple definition' \
+        build_units "$PLANTED/units" . gcc:c99 alone twin
+    mixed_languages
+}
+
+# One implementation in C serves a C++ unit.
+mixed_languages() {
+    local dir=$OUT/units/scatter.h
+    strict gcc:c99 -O1 -I. -c "$dir/body.c" -o "$dir/mixed.body.o"
+    strict g++:c++11 -O1 -I. -c "$dir/user.c" -o "$dir/mixed.user.o"
+    check "C++ calls C" g++ "$dir/mixed.user.o" "$dir/mixed.body.o" -o "$dir/mixed" -lm
+    check "C++ calls C, run" "$dir/mixed"
+}
+
+# ----------------------------------------------------------------- other compilers, machines
+
+M32_SUITES="test_core test_scene test_medium test_depth test_api"
+
+# No 32-bit libraries are asked of the machine: tests/tiny stands in for cmocka, and what needs the
+# quadrature of GSL is not run. The linker is told to let its names be.
+title_m32="unit tests, gcc -m32"
+step_m32() {
+    if ! echo 'int main(void) { return 0; }' | gcc -m32 -x c - -o "$PLANTED/m32" 2>/dev/null; then
+        skip "this compiler has no -m32"
+        return
+    fi
+    suites m32 "$M32_SUITES" CC=gcc CFLAGS="-O2 -m32" CPPFLAGS=-Itests/tiny CMOCKA_LIBS= \
+        MPFR_LIBS= REFERENCE_LIBS=-Wl,--unresolved-symbols=ignore-all
+    check "they are 32-bit programs" sh -c "readelf -h $OUT/m32/test_api | grep -q ELF32"
+}
+
+# picture PROGRAM FILE: runs the minimal example, which writes fog.ppm where it is run.
+picture() {
+    local program
+    program=$(realpath "$1")
+    mkdir -p "$2"
+    (cd "$2" && rm -f ./*.ppm && "$program") && [ -n "$(find "$2" -name '*.ppm' -size +1k)" ]
+}
+
+title_tcc="the minimal example with tcc"
+step_tcc() {
+    make BUILD=$OUT/gcc CC=gcc $OUT/gcc/scatter-minimal >/dev/null
+    check "tcc compiles it" tcc -Wall -Werror examples/minimal.c -o "$OUT/minimal.tcc" -lm
+    check "and it makes a picture" picture "$OUT/minimal.tcc" "$OUT/tcc"
+}
+
+WINDOWS=x86_64-w64-mingw32
+
+title_mingw="the minimal example and both headers for Windows, MinGW"
+step_mingw() {
+    local dir header how
+    for header in $HEADERS; do
+        dir=$OUT/units/mingw.$header
+        write_units "$dir" $header
+        for how in gcc:c99 g++:c++11 g++:c++20; do
+            later check "$header, $how" link_only "$dir" . $WINDOWS-$how
+        done
+    done
+    gather
+    check "minimal.exe" strict $WINDOWS-gcc:c99 -O1 examples/minimal.c -o "$OUT/minimal.exe" -lm
+    plant warning 'static float scatteri_planted(double x) { return x; }'
+    refuse "a warning" 'conversion|unused' link_only "$dir" "$PLANTED/warning" $WINDOWS-gcc:c99
+}
+
+# link_only DIR HEADERS_DIR COMPILER:STANDARD: both programs of write_units.
+link_only() {
+    local exe
+    exe=$1/$(echo "$3" | tr ':+' '_p').exe
+    strict "$3" -O1 -I"$2" "$1/user.c" "$1/body.c" -o "$exe" -lm &&
+        strict "$3" -O1 -I"$2" "$1/alone.c" "$1/twin.c" -o "$exe" -lm
+}
+
+# ---------------------------------------------------------------------------- symbols, names
+
+exported() { nm -g --defined-only "$1" | awk '{ print $3 }'; }
+object() { gcc -std=c99 -O1 -fno-pic -I"$2" -c "$1" -o "$3"; }
+
+exports_nothing() { ! exported "$1" | grep .; }
+exports_only_scatter() { ! exported "$1" | grep -v '^scatter_[a-z0-9_]*$'; }
+# Sections d and b are writable, C is common.
+holds_no_state() { ! nm "$1" | grep -E ' [bBdDC] '; }
+# What the library must not do to the program around it.
+RUDE='v?f?printf|f?puts|f?putc|putchar|fwrite|stdout|stderr|abort|exit|__assert_fail'
+prints_nothing() { ! nm -u "$1" | grep -wE "$RUDE"; }
+
+title_symbols="symbols: static mode exports none, no mutable state, nothing printed"
+step_symbols() {
+    local header dir
+    for header in $HEADERS; do
+        dir=$OUT/symbols/$header
+        mkdir -p "$dir"
+        lines '#define SCATTER_IMPLEMENTATION' "#include <$header>" >"$dir/shared.c"
+        lines '#define SCATTER_STATIC' "$(cat "$dir/shared.c")" >"$dir/static.c"
+        check "$header compiles" object "$dir/shared.c" . "$dir/shared.o"
+        check "$header compiles, static" object "$dir/static.c" . "$dir/static.o"
+        check "$header: static mode exports nothing" exports_nothing "$dir/static.o"
+        refuse "$header: otherwise it exports" scatter_ exports_nothing "$dir/shared.o"
+        check "$header exports only scatter_*" exports_only_scatter "$dir/shared.o"
+        check "$header holds no mutable state" holds_no_state "$dir/shared.o"
+        check "$header prints nothing and ends nothing" prints_nothing "$dir/shared.o"
+    done
+    symbol_faults "$OUT/symbols/scatter.h"
+}
+
+symbol_faults() {
+    local dir=$1 bad=$PLANTED/symbols.o
+    plant global 'int scatteri_planted;'
+    object "$dir/static.c" "$PLANTED/global" "$bad"
+    refuse "mutable state" scatteri_planted holds_no_state "$bad"
+    refuse "an exported scatteri_ name" scatteri_planted exports_only_scatter "$bad"
+    plant printing 'int puts(const char *); int scatter_planted(void) { return puts(""); }'
+    object "$dir/static.c" "$PLANTED/printing" "$bad"
+    refuse "printing" puts prints_nothing "$bad"
+}
+
+# Names of this shape that compilers offer to programs. No program may make new ones.
+MACHINE_NAMES='__x86_64__|__i386__|__ELF__|__linux__|__gnu_linux__|__GLIBC__|_WIN32'
+COMPILER_NAMES='__cplusplus|__STDC_VERSION__|__GNUC__|__GNUC_MINOR__|__clang__|__TINYC__|_MSC_VER'
+EXTENSION_NAMES='__attribute__|__inline|__inline__|__restrict|__has_attribute|__builtin_[a-z_]*'
+OFFERED_NAMES="$MACHINE_NAMES|$COMPILER_NAMES|$EXTENSION_NAMES"
+
+# The header without comments and strings.
+bare() { gcc -fpreprocessed -dD -E -P "$1" 2>/dev/null | sed 's/"\([^"\\]\|\\.\)*"//g'; }
+no_reserved_names() {
+    ! bare "$1" | grep -oE '[A-Za-z_][A-Za-z0-9_]*' | sort -u | grep -E '^_|__' |
+        grep -vxE "$OFFERED_NAMES"
+}
+own_macros_only() {
+    ! bare "$1" | sed -n 's/^ *# *define *\([A-Za-z0-9_]*\).*/\1/p' | sort -u |
+        grep -vE '^(SCATTERI?|scatteri?)_'
+}
+
+title_names="names: none reserved, macros only SCATTER_*"
+step_names() {
+    local header
+    for header in $HEADERS; do
+        check "$header: no reserved name" no_reserved_names $header
+        check "$header: its own macros only" own_macros_only $header
+    done
+    plant names 'static int _planted; static int also__planted;\n#define PLANTED'
+    refuse "_name" '^_planted' no_reserved_names "$PLANTED/names/scatter.h"
+    refuse "a__name" also__planted no_reserved_names "$PLANTED/names/scatter.h"
+    refuse "a foreign macro" PLANTED own_macros_only "$PLANTED/names/scatter.h"
+}
+
+# -------------------------------------------------------------------------------------- GLSL
+
+GLSL_VERSIONS="130 150 330 410 450 300es 310es"
+
+is_current() { "$OUT/gcc/glsl" "$1" scatter_gl.h --check; }
+accept_shader() { glslangValidator -S frag "$1"; }
+
+title_glsl="GLSL: the shared region is up to date and accepted by glslangValidator"
+step_glsl() {
+    local version shader
+    make BUILD=$OUT/gcc CC=gcc $OUT/gcc/glsl >/dev/null
+    check "scatter_gl.h is up to date" is_current scatter.h
+    plant glsl 'SCATTERI_FN float scatteri_planted(float x) { return x; }' '>>core:'
+    refuse "a stale region" 'out of date' is_current "$PLANTED/glsl/scatter.h"
+    for version in $GLSL_VERSIONS; do
+        shader=$OUT/core.$version.frag
+        "$OUT/gcc/glsl" scatter.h --emit $version >"$shader"
+        check "GLSL $version" accept_shader "$shader"
+        { cat "$shader"; echo 'float planted(float x) { return x + true; }'; } >"$PLANTED/core.frag"
+        refuse "GLSL $version: a wrong type" 'wrong operand types' \
+            accept_shader "$PLANTED/core.frag"
+    done
+}
+
+# ------------------------------------------------------------------------------------ README
+
+# The first block of C.
+readme_example() {
+    awk '/^```/ { inside = !inside && !done && $0 == "```c"; done = done || inside; next }
+        inside' "$1"
+}
+readme_has_minimal() { readme_example "$1" | diff - examples/minimal.c; }
+
+# Paths in `code` and in (links), and the targets of `make`.
+promised_files() {
+    grep -oE '`[^`]+`|\]\([^)#]+' "$1" | sed -E 's/^`|`$|^\]\(//g' | tr ' ' '\n' |
+        grep -E '^(\./)?([A-Za-z0-9_.-]+/)*[A-Za-z0-9_-]+\.[a-z]+$|/$' |
+        grep -v '^https*:' | sort -u
+}
+readme_files_exist() {
+    local file missing=0
+    for file in $(promised_files "$1"); do
+        case $file in build/* | ../*) continue ;; esac
+        [ -e "$file" ] || { echo "promised, but not there: $file"; missing=1; }
+    done
+    for file in $(grep -oE '(^|`)make [a-z_]+' "$1" | cut -d' ' -f2 | sort -u); do
+        make -n "$file" >/dev/null 2>&1 || { echo "no make target: $file"; missing=1; }
+    done
+    return $missing
+}
+
+title_readme="README: its example is examples/minimal.c and works, its files exist"
+step_readme() {
+    local example=$OUT/readme/example.c
+    mkdir -p $OUT/readme/examples
+    check "the example is examples/minimal.c" readme_has_minimal README.md
+    cp $HEADERS $OUT/readme
+    readme_example README.md >$OUT/readme/examples/example.c
+    check "compiles" strict gcc:c99 -O2 $OUT/readme/examples/example.c -o $OUT/readme/example -lm
+    check "makes a picture" picture $OUT/readme/example $OUT/readme/picture
+    check "its files and targets exist" readme_files_exist README.md
+    sed 's/scatter_render(/scatter_rendered(/' README.md >"$PLANTED/README.md"
+    refuse "an example that differs" scatter_render readme_has_minimal "$PLANTED/README.md"
+    echo 'See `docs/planted.md` and `make planted`.' >>"$PLANTED/README.md"
+    refuse "a missing file" docs/planted.md readme_files_exist "$PLANTED/README.md"
+    refuse "a missing target" 'target: planted' readme_files_exist "$PLANTED/README.md"
+}
+
+# ----------------------------------------------------------------------------------- install
+
+write_consumer() {
+    mkdir -p "$1"
+    lines '#define SCATTER_IMPLEMENTATION' '#include <scatter_gl.h>' \
+        'int main(void) { return scatter_v3(0.0f, 1.0f, 0.0f).y > 0.0f ? 0 : 1; }' >"$1/main.c"
+    cp "$1/main.c" "$1/main.cpp"
+    cat >"$1/CMakeLists.txt" <<'END'
+cmake_minimum_required(VERSION 3.10)
+project(consumer C CXX)
+find_package(scatter 0.1 REQUIRED)
+add_executable(consumer main.c)
+add_executable(consumerxx main.cpp)
+target_link_libraries(consumer scatter::scatter)
+target_link_libraries(consumerxx scatter::scatter)
+END
+}
+
+consume_pkg_config() {
+    local flags
+    flags=$(PKG_CONFIG_PATH=$1/share/pkgconfig pkg-config --cflags --libs scatter) || return
+    gcc "$2/main.c" -o "$2/main" $flags && "$2/main"
+}
+
+consume_cmake() {
+    rm -rf "$2/build"
+    cmake -S "$2" -B "$2/build" -DCMAKE_PREFIX_PATH="$1" && cmake --build "$2/build" &&
+        "$2/build/consumer" && "$2/build/consumerxx"
+}
+
+title_install="make install, then a program by pkg-config and one by CMake"
+step_install() {
+    local stage=$PWD/$OUT/stage dir=$OUT/consumer
+    rm -rf "$stage" "$dir"
+    write_consumer "$dir"
+    check "make install" make install DESTDIR="$stage" PREFIX=/opt/fog
+    refuse "a consumer without the flags" 'scatter_gl.h: No such file' \
+        gcc "$dir/main.c" -o "$dir/main"
+    check "pkg-config" consume_pkg_config "$stage/opt/fog" "$dir"
+    refuse "pkg-config: not installed" 'scatter' consume_pkg_config "$stage" "$dir"
+    if command -v cmake >/dev/null; then
+        check "CMake" consume_cmake "$stage/opt/fog" "$dir"
+        refuse "CMake: not installed" 'scatter' consume_cmake "$stage" "$dir"
+    else
+        skip "no cmake"
+    fi
+}
+
+# -------------------------------------------------------------------------------------- fuzz
+
+fuzz() { make BUILD=$OUT/fuzz FUZZ_SECONDS=$2 "$1"; }
+
+title_fuzz="libFuzzer, 15 s on scene files and 15 s on descriptors"
+step_fuzz() {
+    later check "scene files" fuzz fuzz_scene 15
+    later check "descriptors" fuzz fuzz_descriptors 15
+    gather
+    rm -rf $OUT/planted.fuzz
+    refuse "descriptors: an allocator that gives too little" heap-buffer-overflow \
+        make BUILD=$OUT/planted.fuzz FUZZ_SECONDS=15 CPPFLAGS=-DFUZZ_PLANT fuzz_descriptors
+}

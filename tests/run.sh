@@ -1,0 +1,181 @@
+#!/usr/bin/env bash
+# run.sh [STEP...]: runs the named steps, or all. The last line is "N passed, N failed, N skipped".
+#
+# A step is a function step_NAME, here or in compile.sh, with its title in title_NAME. It counts one
+# result for each check, and one for each test that a unit test program reports. Planted faults go
+# through `refuse`: the command must fail, and for the reason that it is given.
+# shellcheck disable=SC2030,SC2031,SC2034,SC2048,SC2086
+set -u
+cd "$(dirname "$0")/.." || exit 1
+unset MAKEFLAGS MFLAGS MAKELEVEL
+export LC_ALL=C
+STEPS="counting unit_gcc unit_clang sanitize m32 compile symbols names tcc mingw glsl readme"
+STEPS="$STEPS install fuzz"
+STRICT="-pedantic -Wall -Wextra -Wconversion -Wshadow -Wundef -Werror"
+JOBS=$(nproc)
+OUT=build/test
+PLANTED=$OUT/planted # copies of project files with a fault in them
+passed=0 failed=0 skipped=0
+
+# ---------------------------------------------------------------------------------- counting
+
+pass() { passed=$((passed + 1)); }
+
+skip() {
+    skipped=$((skipped + 1))
+    echo "  skipped: $1"
+}
+
+# fail NAME [LOG]: shows the end of the log.
+fail() {
+    failed=$((failed + 1))
+    echo "  FAILED: $1"
+    [ -z "${2-}" ] || tail -n 12 "$2" | sed 's/^/    /'
+}
+
+# check NAME COMMAND...: the command must succeed.
+check() {
+    local name=$1 log=$OUT/log.$BASHPID
+    shift
+    if "$@" >"$log" 2>&1; then pass; else fail "$name" "$log"; fi
+}
+
+# refuse NAME PATTERN COMMAND...: the command must fail, and its output match the pattern.
+refuse() {
+    local name=$1 pattern=$2 log=$OUT/log.$BASHPID
+    shift 2
+    if "$@" >"$log" 2>&1; then
+        fail "$name: the planted fault was not caught"
+    elif grep -Eq -- "$pattern" "$log"; then
+        pass
+    else
+        fail "$name: refused, but not because of '$pattern'" "$log"
+    fi
+}
+
+# later check|refuse ...: the same beside others, as many at once as there are cores; `gather`
+# waits for them and counts.
+later() {
+    while [ "$(jobs -rp | wc -l)" -ge "$JOBS" ]; do wait -n; done
+    (
+        passed=0 failed=0 skipped=0
+        "$@" >"$OUT/later.$BASHPID.out"
+        echo "$passed $failed $skipped" >"$OUT/later.$BASHPID.count"
+    ) &
+}
+
+gather() {
+    local a b c
+    wait
+    cat "$OUT"/later.*.out
+    while read -r a b c; do
+        passed=$((passed + a)) failed=$((failed + b)) skipped=$((skipped + c))
+    done < <(cat "$OUT"/later.*.count)
+    rm -f "$OUT"/later.*
+}
+
+# -------------------------------------------------------------------------------- unit tests
+
+SUITES="test_core test_reference test_scene test_medium test_depth test_ray test_api"
+
+# suites NAME "SUITE..." VARIABLE=VALUE...: builds the suites with make, runs them and counts.
+suites() {
+    local build=$OUT/$1 list=$2 log logs
+    shift 2
+    logs=$(printf "$build/%s.log " $list)
+    rm -f $logs
+    make -k -j"$JOBS" BUILD="$build" WARNINGS="$STRICT -Wstrict-prototypes" "$@" $logs \
+        >"$build.log" 2>&1 ||
+        grep -Ei '(error|warning):' "$build.log" | head -n 20 | sed 's/^/    /'
+    for log in $logs; do count_log "$log"; done
+}
+
+# Counts the tests in the log of a unit test program; a test that never reported has failed.
+count_log() {
+    local log=$1 all ok left bad
+    if [ ! -s "$log" ]; then
+        fail "$log: did not build"
+        return
+    fi
+    all=$(sum_log "$log" 's/.*\[==========\] Running \([0-9]*\) test.*/\1/p')
+    left=$(sum_log "$log" 's/.*\[  SKIPPED \] \([0-9]*\) test(s).*/\1/p')
+    ok=$(grep -c '\[       OK \]' "$log")
+    bad=$((all - ok - left))
+    if [ "$bad" = 0 ] && { [ "$all" = 0 ] || ! grep -q '^exit status 0$' "$log"; }; then bad=1; fi
+    passed=$((passed + ok)) failed=$((failed + bad)) skipped=$((skipped + left))
+    [ "$bad" = 0 ] || show_failures "$log"
+}
+
+sum_log() { sed -n "$2" "$1" | awk '{ n += $1 } END { print n + 0 }'; }
+
+show_failures() {
+    echo "  FAILED in $1:"
+    grep -vE '\[ RUN      \]|\[       OK \]' "$1" | tail -n 30 | sed 's/^/    /'
+}
+
+title_unit_gcc="unit tests, gcc -O3"
+step_unit_gcc() { suites gcc "$SUITES" CC=gcc; }
+
+title_unit_clang="unit tests, clang -O3"
+step_unit_clang() { suites clang "$SUITES" CC=clang; }
+
+title_sanitize="unit tests, ASan and UBSan"
+step_sanitize() {
+    local flags="-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
+    suites sanitize "$SUITES" CC=clang CFLAGS="$flags"
+    echo '#include <stdlib.h>
+        int main(int n, char **v) { return v && ((char *)malloc(4))[n + 3]; }' >"$PLANTED/heap.c"
+    echo 'int main(int n, char **v) { return v && 2147483647 + n > 0; }' >"$PLANTED/overflow.c"
+    clang $flags "$PLANTED/heap.c" -o "$PLANTED/heap"
+    clang $flags "$PLANTED/overflow.c" -o "$PLANTED/overflow"
+    refuse "sanitizer: read past a block" heap-buffer-overflow "$PLANTED/heap"
+    refuse "sanitizer: integer overflow" "signed integer overflow" "$PLANTED/overflow"
+}
+
+# The programs above count on what a log says, so that is tested too.
+title_counting="a crash, an early exit and an empty run count as failures"
+step_counting() {
+    local log=$PLANTED/x.log
+    printf '[==========] Running 3 test(s).\n[       OK ] a\nexit status 139\n' >"$log"
+    check "crash" expect_count "$log" "1 2 0"
+    printf '[==========] Running 1 test(s).\n[       OK ] a\nexit status 1\n' >"$log"
+    check "exit status" expect_count "$log" "1 1 0"
+    printf 'exit status 0\n' >"$log"
+    check "no tests" expect_count "$log" "0 1 0"
+    check "no log" expect_count "$PLANTED/none.log" "0 1 0"
+    refuse "planted command" "xyz" sh -c 'echo xyz; exit 1'
+}
+
+expect_count() {
+    (
+        passed=0 failed=0 skipped=0
+        count_log "$1"
+        [ "$passed $failed $skipped" = "$2" ]
+    )
+}
+
+# ----------------------------------------------------------------------------------- running
+
+# shellcheck source=tests/compile.sh
+. tests/compile.sh
+
+run_step() {
+    local title="title_$1" before="$passed $failed $skipped" start=$SECONDS
+    echo "== ${!title} [$1]"
+    "step_$1"
+    set -- $before
+    echo "   $((passed - $1)) passed, $((failed - $2)) failed, $((skipped - $3)) skipped," \
+        "$((SECONDS - start)) s"
+}
+
+rm -rf "$PLANTED" "$OUT/summary" "$OUT"/later.* "$OUT"/log.*
+mkdir -p "$PLANTED"
+for step in ${*:-$STEPS}; do
+    if declare -F "step_$step" >/dev/null; then
+        run_step "$step"
+    else
+        fail "there is no step $step"
+    fi
+done
+echo "$passed passed, $failed failed, $skipped skipped" | tee "$OUT/summary"
+[ "$failed" = 0 ]
