@@ -455,13 +455,15 @@ enum {
 
 #define SCATTERI_FAR 1e30f    /* length of a segment that never ends: finite, so that 0 * far is 0 */
 #define SCATTERI_HORIZON 1e6f /* m: beyond this, unbounded media are cut off */
+#define SCATTERI_QUICK 32.0f  /* sigma_t times half a Gaussian's depth up to which its erf may be off by 4e-7 */
 #define SCATTERI_OPAQUE 18.0f /* sigma_t tau at which the rest of a ray is dropped: T = 1.5e-8 */
 
-/* ------------------------------------------------------------------------------------------- >>prelude */
+/* ------------------------------------------------------------------------------------ >>prelude */
 
-/* What the core region needs from the language. GLSL has its own prelude in scatter_gl.h. The elementary
-   functions below call no libm and do not branch, so that gcc and clang vectorise loops over them with the
-   default flags (errno and trapping math on). */
+/* What the core needs from the language; GLSL has its own prelude in scatter_gl.h. The elementary
+   functions call no libm and do not branch, so that gcc and clang vectorise loops over them with
+   their default flags. Errors here and in the core are relative, and for normal floats: results
+   below 1.2e-38 may be 0. tests/test_core.c measures each of them. */
 #include <math.h>
 #include <string.h>
 
@@ -482,10 +484,6 @@ typedef struct scatteri_vec2 {
     float x, y;
 } scatteri_vec2;
 
-typedef struct scatteri_vec4 {
-    float x, y, z, w;
-} scatteri_vec4;
-
 SCATTERI_FN scatteri_vec2 scatteri_v2(float x, float y) {
     scatteri_vec2 v;
     v.x = x, v.y = y;
@@ -495,12 +493,6 @@ SCATTERI_FN scatteri_vec2 scatteri_v2(float x, float y) {
 SCATTERI_FN scatter_vec3 scatteri_v3(float x, float y, float z) {
     scatter_vec3 v;
     v.x = x, v.y = y, v.z = z;
-    return v;
-}
-
-SCATTERI_FN scatteri_vec4 scatteri_v4(float x, float y, float z, float w) {
-    scatteri_vec4 v;
-    v.x = x, v.y = y, v.z = z, v.w = w;
     return v;
 }
 
@@ -516,16 +508,24 @@ SCATTERI_FN float scatteri_from_bits(unsigned u) {
     return x;
 }
 
-/* a if x < y, else b. Both are computed; said with bits, because gcc moves the arms of ?: into branches and
-   then does not vectorise. */
+/* a if x < y, else b. Both are computed; said with bits, because gcc moves the arms of ?: into
+   branches and then does not vectorise. */
 SCATTERI_FN float scatteri_choose(float x, float y, float a, float b) {
     unsigned mask = 0u - (unsigned)(x < y);
     return scatteri_from_bits((scatteri_bits(a) & mask) | (scatteri_bits(b) & ~mask));
 }
 
-SCATTERI_FN float scatteri_abs(float x) { return scatteri_from_bits(scatteri_bits(x) & 0x7FFFFFFFu); }
-SCATTERI_FN float scatteri_min(float a, float b) { return scatteri_choose(a, b, a, b); }
-SCATTERI_FN float scatteri_max(float a, float b) { return scatteri_choose(b, a, a, b); }
+SCATTERI_FN float scatteri_abs(float x) {
+    return scatteri_from_bits(scatteri_bits(x) & 0x7FFFFFFFu);
+}
+
+SCATTERI_FN float scatteri_min(float a, float b) {
+    return scatteri_choose(a, b, a, b);
+}
+
+SCATTERI_FN float scatteri_max(float a, float b) {
+    return scatteri_choose(b, a, a, b);
+}
 
 /* min(x, top) for top >= 0: positive floats are ordered as their bits, negative ones below. */
 SCATTERI_FN float scatteri_cap(float x, float top) {
@@ -536,9 +536,7 @@ SCATTERI_FN float scatteri_cap(float x, float top) {
 
 /* Nearest to x in [-top, top]. */
 SCATTERI_FN float scatteri_within(float x, float top) {
-    unsigned b = scatteri_bits(scatteri_cap(x, top));
-    unsigned t = scatteri_bits(-top);
-    return scatteri_from_bits(b < t ? b : t);
+    return scatteri_max(scatteri_min(x, top), -top);
 }
 
 /* Largest integer <= x; |x| < 2^31. */
@@ -547,8 +545,9 @@ SCATTERI_FN float scatteri_floor(float x) {
     return t - scatteri_choose(x, t, 1.0f, 0.0f);
 }
 
-/* e^x = 2^n e^f with |f| <= log(2)/2. Results below 1.2e-38 are 0, x > 88.37 gives 2.4e38. The bits of
-   x/log(2) + 1.5 2^23 hold n; it is read from there, not from the sum, which x87 keeps unrounded. */
+/* e^x = 2^n e^f with |f| <= log(2)/2. Error 1e-7; 0 below x = -87.336, 2.4e38 above x = 88.37.
+   The bits of x/log(2) + 1.5 2^23 hold n; it is read from there, not from the sum, which x87 keeps
+   unrounded. */
 SCATTERI_FN float scatteri_exp(float x) {
     float y = scatteri_choose(x, -87.336f, -88.0f, scatteri_cap(x, 88.37f));
     unsigned b = scatteri_bits(y * 1.44269504f + 12582912.0f);
@@ -563,7 +562,22 @@ SCATTERI_FN float scatteri_exp(float x) {
     return p * scatteri_from_bits((b + 127u) << 23);
 }
 
-/* 1/sqrt(x) for 1.2e-38 <= x <= 3.4e38; finite at 0. */
+/* e^-x for x >= 0, without the care for other x: at most 2e-38 instead of 0 for x > 87. */
+SCATTERI_FN float scatteri_decay(float x) {
+    float y = scatteri_cap(x, 87.0f);
+    unsigned b = scatteri_bits(y * -1.44269504f + 12582912.0f);
+    float n = (float)(int)(b - 0x4B400000u);
+    float f = n * 2.12194440e-4f - (y + n * 0.693359375f);
+    float p = 0.001392618359f;
+    p = p * f + 0.008363179053f;
+    p = p * f + 0.04166655462f;
+    p = p * f + 0.1666657699f;
+    p = p * f + 0.5f;
+    p = (p * f * f + f) + 1.0f;
+    return p * scatteri_from_bits((b + 127u) << 23);
+}
+
+/* 1/sqrt(x) for 1.2e-38 <= x <= 3.4e38, error 1.5e-7; finite at 0. */
 SCATTERI_FN float scatteri_rsqrt(float x) {
     float y = scatteri_from_bits(0x5F375A86u - (scatteri_bits(x) >> 1));
     float r = 1.0f - (x * y) * y;
@@ -572,13 +586,14 @@ SCATTERI_FN float scatteri_rsqrt(float x) {
     return y + y * (0.5f * r);
 }
 
-/* sqrt(x) for 0 <= x <= 3.4e38; 0 below 1.2e-38. */
+/* sqrt(x) for 0 <= x <= 3.4e38, error 1.7e-7; 0 below 1.2e-38. */
 SCATTERI_FN float scatteri_sqrt(float x) {
     float s = x * scatteri_rsqrt(x);
     return scatteri_choose(x, 1.175494351e-38f, 0.0f, s);
 }
 
-/* log(x) for 1.2e-38 <= x <= 3.4e38: x = 2^n (1 + f) with sqrt(1/2) <= 1 + f < sqrt(2). */
+/* log(x) for 1.2e-38 <= x <= 3.4e38, error 1.2e-7: x = 2^n (1 + f), sqrt(1/2) <= 1 + f < sqrt(2).
+   The polynomials here and below are own fits, nearly minimax, where no source is named. */
 SCATTERI_FN float scatteri_log(float x) {
     unsigned u = scatteri_bits(x) - 0x3F3504F3u;
     float n = (float)((int)((u >> 23) ^ 0x100u) - 0x100);
@@ -596,10 +611,11 @@ SCATTERI_FN float scatteri_log(float x) {
     return (p - n * 2.12194440e-4f + f) + n * 0.693359375f;
 }
 
-/* ------------------------------------------------------------------------------------------- >>core */
+/* --------------------------------------------------------------------------------------- >>core */
 
-/* >>core begin: everything down to ">>core end" is C99 and GLSL at once (design: scalars and small structs by
-   value, no pointers, no operators on vectors). `make glsl` copies it into scatter_gl.h. */
+/* >>core begin: everything down to ">>core end" is C99 and GLSL at once: scalars and small structs
+   by value, functions instead of operators on vectors, no pointers. `make glsl` copies it into
+   scatter_gl.h; the stated errors are those of C, GLSL adds those of its own exp, log and so on. */
 
 /* >>core: vector */
 
@@ -631,15 +647,15 @@ SCATTERI_FN float scatteri_length(scatter_vec3 v) {
     return scatteri_sqrt(scatteri_dot(v, v));
 }
 
-/* Unit length; for lengths 1e-19..1e19. */
+/* Unit length to 4e-7; for lengths 1e-19..1e19. */
 SCATTERI_FN scatter_vec3 scatteri_normalize(scatter_vec3 v) {
     return scatteri_scale(v, scatteri_rsqrt(scatteri_dot(v, v)));
 }
 
 /* >>core: erf */
 
-/* exp(-x^2). x^2 is split into an exact square of 12 bits and a rest, so that the rounding of x^2 does not
-   become an error of x^2 units in the last place. 0 for |x| > 9.34. */
+/* exp(-x^2), error 2e-7, 0 for |x| > 9.34. x^2 is split into the exact square of 12 bits and a
+   rest: rounded as a whole it would cost x^2 units in the last place. */
 SCATTERI_FN float scatteri_bell(float x) {
     float y = scatteri_cap(scatteri_abs(x), 10.0f);
     float c = scatteri_floor(y * 256.0f) * 0.00390625f;
@@ -648,7 +664,8 @@ SCATTERI_FN float scatteri_bell(float x) {
     return scatteri_exp(-c * c) * e;
 }
 
-/* exp(x^2) erfc(x) for x >= 0: (x + 2) times it is a polynomial in (x - 2)/(x + 2); own minimax fit. */
+/* exp(x^2) erfc(x) for 0 <= x <= 1e30, error 3e-7: (x + 2) times it is fitted by a polynomial in
+   (x - 2)/(x + 2). */
 SCATTERI_FN float scatteri_erfcx(float x) {
     float t = 1.0f / (x + 2.0f);
     float s = (x - 2.0f) * t;
@@ -666,7 +683,7 @@ SCATTERI_FN float scatteri_erfcx(float x) {
     return p * t;
 }
 
-/* erf(x): odd polynomial below 1, complement above. */
+/* erf(x), error 2e-7: odd polynomial below 1, complement above. */
 SCATTERI_FN float scatteri_erf(float x) {
     float y = scatteri_cap(scatteri_abs(x), 10.0f);
     float z = y * y;
@@ -683,8 +700,9 @@ SCATTERI_FN float scatteri_erf(float x) {
 
 /* >>core: span */
 
-/* Integral of exp(-s^2) over [m - r, m + r] divided by 2 r exp(-m^2), for r < 0.35 and m r < 0.25: the Taylor
-   series in r, the sum of H_2k(m) r^2k / (2k + 1)! with Hermite's polynomials, in q = (m r)^2 and p = r^2. */
+/* Integral of exp(-s^2) over [m - r, m + r] divided by 2 r exp(-m^2), for r < 0.35 and m r < 0.25:
+   the Taylor series in r, the sum of H_2k(m) r^2k / (2k + 1)! with Hermite's polynomials, written
+   in q = (m r)^2 and p = r^2. */
 SCATTERI_FN float scatteri_bell_mean(float m, float r) {
     float p = r * r;
     float q = (m * r) * (m * r);
@@ -693,11 +711,13 @@ SCATTERI_FN float scatteri_bell_mean(float m, float r) {
     float s3 = ((64.0f * q - 480.0f * p) * q + 720.0f * p * p) * q - 120.0f * p * p * p;
     float s4 = (((256.0f * q - 3584.0f * p) * q + 13440.0f * p * p) * q - 13440.0f * p * p * p) * q;
     s4 = s4 + 1680.0f * p * p * p * p;
-    return 1.0f + (s1 * 0.16666667f + s2 * 0.0083333333f + (s3 * 1.984127e-4f + s4 * 2.7557319e-6f));
+    float high = s3 * 1.984127e-4f + s4 * 2.7557319e-6f;
+    return 1.0f + (s1 * 0.16666667f + s2 * 0.0083333333f + high);
 }
 
-/* erf(y) - erf(x) for x <= y with the half length r = (y - x)/2 given apart, because a short one has no digits
-   left in x and y. Short intervals by their mean, the others by erfc of both ends, which cancels in no tail. */
+/* erf(y) - erf(x) for x <= y with the half length r = (y - x)/2 given apart, because a short one
+   has no digits left in x and y. Short intervals by their mean, the others by erfc of both ends,
+   which cancels in no tail. */
 SCATTERI_FN float scatteri_erf_span(float x, float y, float r) {
     float m = 0.5f * (x + y);
     float c = scatteri_abs(m);
@@ -714,15 +734,15 @@ SCATTERI_FN float scatteri_erf_span(float x, float y, float r) {
     return scatteri_choose(size, 0.25f, 2.2567583f * r * e * mean, wide);
 }
 
-/* erf(y) - erf(x), x <= y. */
+/* erf(y) - erf(x) for x <= y, error 5e-7 as long as the end nearer to 0 is within 8.5. */
 SCATTERI_FN float scatteri_erf_difference(float x, float y) {
     return scatteri_erf_span(x, y, 0.5f * (y - x));
 }
 
 /* >>core: quick */
 
-/* Odd rational approximation of erf for many evaluations: numerator and denominator at z = x^2. Own fit; the
-   ends are clamped where erf is 1 - 3.6e-7. Absolute, not relative error. */
+/* erf(x) = over/under at z = x^2 for |x| <= 3.6, an own rational fit for inner loops: absolute error 3.6e-7, not
+   relative. Differences of two take one division. */
 SCATTERI_FN float scatteri_erf_over(float x, float z) {
     float p = -1.35163461e-6f;
     p = p * z + 2.17444422e-4f;
@@ -740,35 +760,19 @@ SCATTERI_FN float scatteri_erf_under(float z) {
     return q * z + 1.0f;
 }
 
-/* erf(x) to an absolute error. */
-SCATTERI_FN float scatteri_erf_quick(float x) {
-    float y = scatteri_within(x, 3.6f);
-    float z = y * y;
-    return scatteri_erf_over(y, z) / scatteri_erf_under(z);
-}
-
 /* >>core: integrals */
 
-/* Integral over t in [0, len] of c exp(-a^2 (h2 + (t - m)^2)): optical depth of a Gaussian on a segment,
-   m along the segment to the point closest to the centre, h2 the squared distance there. a > 0. */
+/* Integral over t in [0, len] of c exp(-a^2 (h2 + (t - m)^2)): optical depth of a Gaussian on a
+   segment, m along the segment to the point closest to the centre, h2 the squared distance there,
+   1e-15 <= a <= 1e15. Error 5e-7 (1 + E) where E is the exponent, a^2 times the squared distance,
+   at the nearest point of the segment: as much as the rounding of the arguments costs. */
 SCATTERI_FN float scatteri_gauss_depth(float a, float c, float h2, float m, float len) {
     float e = scatteri_exp(-(a * (a * h2)));
     float s = scatteri_erf_span(-a * m, a * (len - m), 0.5f * a * len);
     return c * e * s * (0.88622693f / a);
 }
 
-/* The same for inner loops, about a quarter of the cost: the error is relative to the depth of the whole line
-   instead, and the result may fall below 0 by as much. */
-SCATTERI_FN float scatteri_gauss_depth_quick(float a, float c, float h2, float m, float len) {
-    float x = scatteri_within(-a * m, 3.6f);
-    float y = scatteri_within(a * (len - m), 3.6f);
-    float qx = scatteri_erf_under(x * x);
-    float qy = scatteri_erf_under(y * y);
-    float s = scatteri_erf_over(y, y * y) * qx - scatteri_erf_over(x, x * x) * qy;
-    return c * scatteri_exp(-(a * (a * h2))) * (0.88622693f / a) * (s / (qx * qy));
-}
-
-/* (exp(x) - 1)/x, 1 at 0; x <= 88. */
+/* (exp(x) - 1)/x, 1 at 0, for -1e30 <= x <= 80; error 2e-7. */
 SCATTERI_FN float scatteri_exprel(float x) {
     float size = scatteri_abs(x);
     float y = scatteri_choose(size, 0.5f, x, 0.0f);
@@ -783,11 +787,13 @@ SCATTERI_FN float scatteri_exprel(float x) {
     return scatteri_choose(size, 0.5f, p, (scatteri_exp(x) - 1.0f) / d);
 }
 
-/* Integral over t in [0, len] of density exp(-(y + dy t - y0)/scale), from the lower and denser end. */
-SCATTERI_FN float scatteri_height_depth(float density, float y0, float scale, float y, float dy, float len) {
+/* Integral over t in [0, len] of density exp(-(y + dy t - y0)/scale), from the lower and denser
+   end. Error 4e-7 (1 + E), E = (|y0| + |y| + |dy| len)/scale, while the exponent stays below 88. */
+SCATTERI_FN float scatteri_height_depth(float density, float y0, float scale, float y, float dy,
+                                        float len) {
     float low = scatteri_min(y, y + dy * len);
     float e = scatteri_exp((y0 - low) / scale);
-    return density * e * len * scatteri_exprel(-scatteri_abs(dy) * len / scale);
+    return density * e * (len * scatteri_exprel(-scatteri_abs(dy) * len / scale));
 }
 
 /* >>core: phase */
@@ -797,8 +803,9 @@ SCATTERI_STRUCT(scatteri_lobes) {
     float g1, alpha1, g2, alpha2, weight;
 };
 
-/* Draine's phase function, 1/sr, of omc = 1 - cos theta (keeps the digits of narrow lobes); |g| < 1.
-   alpha 0: Henyey-Greenstein; g 0, alpha 1: Rayleigh. Draine 2003, eq. 4. */
+/* Draine's phase function, 1/sr, of omc = 1 - cos theta, which keeps the digits of narrow lobes;
+   |g| <= 0.9999, error 1e-6. alpha 0: Henyey-Greenstein; g 0, alpha 1: Rayleigh. Draine 2003,
+   "Scattering by Interstellar Dust Grains. I. Optical and Ultraviolet". */
 SCATTERI_FN float scatteri_draine(float g, float alpha, float omc) {
     float h = scatteri_abs(g);
     float o = scatteri_choose(g, 0.0f, 2.0f - omc, omc);
@@ -813,7 +820,7 @@ SCATTERI_FN float scatteri_phase(scatteri_lobes p, float omc) {
            p.weight * scatteri_draine(p.g2, p.alpha2, omc);
 }
 
-/* 1 - cos of the angle between unit vectors, without cancellation. */
+/* 1 - cos of the angle between unit vectors, without cancellation for small angles. */
 SCATTERI_FN float scatteri_omc(scatter_vec3 a, scatter_vec3 b) {
     scatter_vec3 d = scatteri_sub(a, b);
     return 0.5f * scatteri_dot(d, d);
@@ -833,8 +840,8 @@ SCATTERI_FN scatteri_lobes scatteri_lobe(float g, float alpha) {
 /* >>core: droplets */
 
 /* From numbers in the language's own precision. */
-SCATTERI_FN scatteri_lobes scatteri_two_lobes(scatteri_real g1, scatteri_real g2, scatteri_real alpha2,
-                                              scatteri_real weight) {
+SCATTERI_FN scatteri_lobes scatteri_two_lobes(scatteri_real g1, scatteri_real g2,
+                                              scatteri_real alpha2, scatteri_real weight) {
     scatteri_lobes p;
     p.g1 = SCATTERI_FLOAT(g1);
     p.alpha1 = 0.0f;
@@ -844,33 +851,52 @@ SCATTERI_FN scatteri_lobes scatteri_two_lobes(scatteri_real g1, scatteri_real g2
     return p;
 }
 
-/* Water droplets of diameter d in micrometres, 0 < d <= 50: Jendersie and d'Eon 2023, "An Approximate Mie
-   Scattering Function for Fog and Cloud Rendering", Henyey-Greenstein plus Draine. */
+/* Water droplets of diameter d in micrometres, 0 < d <= 50: Henyey-Greenstein plus Draine by
+   Jendersie and d'Eon 2023, "An Approximate Mie Scattering Function for Fog and Cloud Rendering".
+   Their four ranges; l is log d. */
+SCATTERI_FN scatteri_lobes scatteri_droplets_mist(scatteri_real d, scatteri_real l) {
+    scatteri_real g2 = 1.1456f * d * sin(9.29044f * d);
+    return scatteri_two_lobes(13.8f * d * d, g2, 250.0f, 0.252977f - 312.983f * exp(4.3f * l));
+}
+
+SCATTERI_FN scatteri_lobes scatteri_droplets_small(scatteri_real l) {
+    scatteri_real wave = cos((l - 0.238604f) * (l + 1.00667f) / (0.507522f - 0.15677f * l));
+    scatteri_real g2 = 0.379685f * cos(1.19692f * wave + 1.37932f * l + 0.0625835f) + 0.344213f;
+    scatteri_real weight = 0.146209f * cos(3.38707f * l + 2.11193f) + 0.316072f + 0.0778917f * l;
+    return scatteri_two_lobes(0.862f - 0.143f * l * l, g2, 250.0f, weight);
+}
+
+SCATTERI_FN scatteri_lobes scatteri_droplets_middle(scatteri_real l) {
+    scatteri_real g2 = 0.500411f - 0.081287f / (-2.0f * l + tan(l) + 1.27551f);
+    scatteri_real wave = cos(5.68947f * (log(l) - 0.0292149f));
+    return scatteri_two_lobes(0.0604931f * log(l) + 0.940256f, g2, 7.30354f * l + 6.31675f,
+                              0.026914f * (l - wave) + 0.376475f);
+}
+
+SCATTERI_FN scatteri_lobes scatteri_droplets_large(scatteri_real d) {
+    scatteri_real g2 = exp(-2.20679f / (d + 3.91029f) - 0.428934f);
+    scatteri_real alpha2 = exp(3.62489f - 8.29288f / (d + 5.52825f));
+    scatteri_real weight = exp(-0.599085f / (d - 0.641583f) - 0.665888f);
+    return scatteri_two_lobes(exp(-0.0990567f / (d - 1.67154f)), g2, alpha2, weight);
+}
+
 SCATTERI_FN scatteri_lobes scatteri_droplets(float diameter_um) {
     scatteri_real d = diameter_um;
     scatteri_real l = log(d);
-    if (d <= 0.1f)
-        return scatteri_two_lobes(13.8f * d * d, 1.1456f * d * sin(9.29044f * d), 250.0f,
-                                  0.252977f - 312.983f * exp(4.3f * l));
-    if (d < 1.5f)
-        return scatteri_two_lobes(
-            0.862f - 0.143f * l * l,
-            0.379685f * cos(1.19692f * cos((l - 0.238604f) * (l + 1.00667f) / (0.507522f - 0.15677f * l)) +
-                            1.37932f * l + 0.0625835f) + 0.344213f,
-            250.0f, 0.146209f * cos(3.38707f * l + 2.11193f) + 0.316072f + 0.0778917f * l);
-    if (d < 5.0f)
-        return scatteri_two_lobes(
-            0.0604931f * log(l) + 0.940256f, 0.500411f - 0.081287f / (-2.0f * l + tan(l) + 1.27551f),
-            7.30354f * l + 6.31675f, 0.026914f * (l - cos(5.68947f * (log(l) - 0.0292149f))) + 0.376475f);
-    return scatteri_two_lobes(exp(-0.0990567f / (d - 1.67154f)),
-                              exp(-2.20679f / (d + 3.91029f) - 0.428934f),
-                              exp(3.62489f - 8.29288f / (d + 5.52825f)),
-                              exp(-0.599085f / (d - 0.641583f) - 0.665888f));
+    if (diameter_um <= 0.1f)
+        return scatteri_droplets_mist(d, l);
+    if (diameter_um < 1.5f)
+        return scatteri_droplets_small(l);
+    if (diameter_um < 5.0f)
+        return scatteri_droplets_middle(l);
+    return scatteri_droplets_large(d);
 }
 
 /* >>core: maps */
 
-/* asinh(x), |x| <= 1e18. */
+/* The map of the eye ray: t = t0 + d sinh(u), dt = d cosh(u) du. */
+
+/* asinh(x), |x| <= 1e18, error 3e-7. */
 SCATTERI_FN float scatteri_asinh(float x) {
     float y = scatteri_abs(x);
     float z = scatteri_cap(y * y, 1.0f);
@@ -884,7 +910,7 @@ SCATTERI_FN float scatteri_asinh(float x) {
     return scatteri_choose(x, 0.0f, -p, p);
 }
 
-/* sinh(u), |u| <= 88. */
+/* sinh(u), |u| <= 88, error 2e-7. */
 SCATTERI_FN float scatteri_sinh(float u) {
     float z = scatteri_cap(u * u, 1.0f);
     float p = 2.819018793e-6f;
@@ -895,13 +921,13 @@ SCATTERI_FN float scatteri_sinh(float u) {
     return scatteri_choose(u * u, 1.0f, p, 0.5f * scatteri_exp(u) - 0.5f * scatteri_exp(-u));
 }
 
-/* cosh(u), |u| <= 88. */
+/* cosh(u), |u| <= 88, error 2e-7. */
 SCATTERI_FN float scatteri_cosh(float u) {
     return 0.5f * scatteri_exp(u) + 0.5f * scatteri_exp(-u);
 }
 
-/* Node in (-1, 1), ascending with i = 0..n-1, and weight (the weights sum to 2) of Gauss-Legendre quadrature
-   with n = 1..256 nodes: Newton from Tricomi's guess. */
+/* Node in (-1, 1), ascending with i = 0..n-1, and weight (they sum to 2) of Gauss-Legendre
+   quadrature with n = 1..256 nodes: Newton's method from Tricomi's guess. O(n). */
 SCATTERI_FN scatteri_vec2 scatteri_legendre(int i, int n) {
     scatteri_real m = SCATTERI_REAL(n);
     scatteri_real x = -cos(3.14159265f * (SCATTERI_REAL(i) + 0.75f) / (m + 0.5f)) *
@@ -922,17 +948,18 @@ SCATTERI_FN scatteri_vec2 scatteri_legendre(int i, int n) {
     return scatteri_v2(SCATTERI_FLOAT(x), SCATTERI_FLOAT(2.0f / ((1.0f - x * x) * slope * slope)));
 }
 
-/* Direction of any length but 0 to the square [-1, 1]^2: the octahedron, its lower half folded outward. */
+/* Direction, lengths 1e-30..1e30, to the square [-1, 1]^2: the octahedron, its lower half folded
+   outward (Meyer et al. 2010, "On Floating-Point Normal Vectors"). */
 SCATTERI_FN scatteri_vec2 scatteri_oct_encode(scatter_vec3 d) {
-    float s = 1.0f / scatteri_max(scatteri_abs(d.x) + scatteri_abs(d.y) + scatteri_abs(d.z), 1.0e-30f);
-    float u = d.x * s;
-    float v = d.y * s;
+    float s = scatteri_abs(d.x) + scatteri_abs(d.y) + scatteri_abs(d.z);
+    float u = d.x / scatteri_max(s, 1.0e-30f);
+    float v = d.y / scatteri_max(s, 1.0e-30f);
     float fu = (1.0f - scatteri_abs(v)) * (u < 0.0f ? -1.0f : 1.0f);
     float fv = (1.0f - scatteri_abs(u)) * (v < 0.0f ? -1.0f : 1.0f);
     return scatteri_v2(scatteri_choose(d.z, 0.0f, fu, u), scatteri_choose(d.z, 0.0f, fv, v));
 }
 
-/* Square [-1, 1]^2 to unit direction. */
+/* Square [-1, 1]^2 to unit direction; there and back within 4e-7. */
 SCATTERI_FN scatter_vec3 scatteri_oct_decode(scatteri_vec2 uv) {
     float z = 1.0f - scatteri_abs(uv.x) - scatteri_abs(uv.y);
     float t = scatteri_max(-z, 0.0f);
@@ -947,13 +974,12 @@ SCATTERI_FN float scatteri_lerp(float a, float b, float f) {
 }
 
 /* Between the eight corners vxyz of a cell; fx, fy, fz in 0..1. */
-SCATTERI_FN float scatteri_trilinear(float v000, float v100, float v010, float v110, float v001, float v101,
-                                     float v011, float v111, float fx, float fy, float fz) {
-    float y0z0 = scatteri_lerp(v000, v100, fx);
-    float y1z0 = scatteri_lerp(v010, v110, fx);
-    float y0z1 = scatteri_lerp(v001, v101, fx);
-    float y1z1 = scatteri_lerp(v011, v111, fx);
-    return scatteri_lerp(scatteri_lerp(y0z0, y1z0, fy), scatteri_lerp(y0z1, y1z1, fy), fz);
+SCATTERI_FN float scatteri_trilinear(float v000, float v100, float v010, float v110, float v001,
+                                     float v101, float v011, float v111, float fx, float fy,
+                                     float fz) {
+    float z0 = scatteri_lerp(scatteri_lerp(v000, v100, fx), scatteri_lerp(v010, v110, fx), fy);
+    float z1 = scatteri_lerp(scatteri_lerp(v001, v101, fx), scatteri_lerp(v011, v111, fx), fy);
+    return scatteri_lerp(z0, z1, fz);
 }
 
 /* >>core: tone */
@@ -963,7 +989,7 @@ SCATTERI_FN float scatteri_luminance(scatter_vec3 rgb) {
     return 0.2126f * rgb.x + 0.7152f * rgb.y + 0.0722f * rgb.z;
 }
 
-/* Reinhard 2002, eq. 4: l (1 + l/white^2)/(1 + l); white <= 0: l/(1 + l). */
+/* Reinhard et al. 2002, eq. 4: l (1 + l/white^2)/(1 + l); white <= 0: l/(1 + l). */
 SCATTERI_FN float scatteri_reinhard(float l, float white) {
     float w = white > 0.0f ? white : 1.0f;
     float k = scatteri_choose(0.0f, white, l / (w * w), 0.0f);
@@ -1150,9 +1176,9 @@ static int scatteri_clamp_int(int value, int low, int high)
     return value < low ? low : value > high ? high : value;
 }
 
-static float scatteri_clamp(float value, float low, float high)
+SCATTERI_FN float scatteri_clamp(float value, float low, float high)
 {
-    return value < low ? low : value > high ? high : value;
+    return scatteri_min(scatteri_max(value, low), high);
 }
 
 /* Trilinear value at voxel-centre coordinates g (voxel i at g = i), clamped to the outermost centres. */
@@ -1249,13 +1275,13 @@ SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, const 
         const int inside = (x[l] >= box.min.x) & (x[l] <= box.max.x) & (y[l] >= box.min.y) &
                            (y[l] <= box.max.y) & (z[l] >= box.min.z) & (z[l] <= box.max.z);
         base[l] = k * slice + j * nx + i;
-        step_x[l] = i + 1 < nx ? 1 : 0;
-        step_y[l] = j + 1 < ny ? nx : 0;
-        step_z[l] = k + 1 < nz ? slice : 0;
+        step_x[l] = i + 1 < nx;
+        step_y[l] = nx & -(j + 1 < ny);
+        step_z[l] = slice & -(k + 1 < nz);
         fx[l] = gx - (float)i;
         fy[l] = gy - (float)j;
         fz[l] = gz - (float)k;
-        scale[l] = inside ? field->scale : 0.0f;
+        scale[l] = field->scale * (float)inside;
     }
     for (l = 0; l < SCATTERI_LANES; l++) {
         const int b = base[l], sx = step_x[l], sy = step_y[l], sz = step_z[l];
@@ -1755,6 +1781,8 @@ typedef struct scatteri_page {
     float fade[SCATTERI_PAGE];   /* a^2 h^2 */
     float half[SCATTERI_PAGE];   /* the line is inside the support for |t - m| < half */
     float scale[SCATTERI_PAGE];  /* c sqrt(pi)/(2a) */
+    float peak[SCATTERI_PAGE];   /* half the depth of the whole line */
+    float rate[SCATTERI_PAGE];   /* features per metre, for the placing of nodes */
     float before[SCATTERI_PAGE]; /* depth at t = before + scale q for t < m, */
     float behind[SCATTERI_PAGE]; /* behind - scale q for t >= m, with q = erfc(a|t - m|) exp(-a^2 h^2) */
 } scatteri_page;
@@ -1789,17 +1817,19 @@ SCATTERI_FN void scatteri_near_line(const scatteri_gaussians *g, const scatteri_
 /* Constants of the page's Gaussians for depth counted from t0. */
 SCATTERI_FN void scatteri_finish_page(scatteri_page *page, float t0)
 {
-    int i;
-    for (i = 0; i < (page->count + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES; i++) {
-        const float a = page->a[i];
-        const float x = a * (t0 - page->m[i]);
-        const float q = scatteri_erfcx(scatteri_abs(x)) * scatteri_exp(-(page->fade[i] + x * x));
-        const float mid = 2.0f * scatteri_exp(-page->fade[i]);
-        page->scale[i] = page->c[i] * 0.886226925f / a;
-        page->before[i] = -page->scale[i] * q;
-        page->behind[i] = page->scale[i] * (x < 0.0f ? mid - q : q);
-        page->half[i] = scatteri_sqrt(scatteri_max(page->half[i] - page->fade[i], 0.0f)) / a;
-    }
+    int first, i;
+    for (first = 0; first < page->count; first += SCATTERI_LANES)
+        for (i = first; i < first + SCATTERI_LANES; i++) {
+            const float a = page->a[i], fade = page->fade[i], scale = page->c[i] * 0.886226925f / a;
+            const float x = a * (t0 - page->m[i]);
+            const float q = scatteri_erfcx(scatteri_abs(x)) * scatteri_decay(fade + x * x);
+            const float mid = 2.0f * scatteri_decay(fade);
+            page->peak[i] = 0.5f * scale * mid;
+            page->scale[i] = scale;
+            page->before[i] = -scale * q;
+            page->behind[i] = scale * scatteri_choose(x, 0.0f, mid - q, q);
+            page->half[i] = scatteri_sqrt(scatteri_max(page->half[i] - fade, 0.0f)) / a;
+        }
 }
 
 /* Fills the page with Gaussians that reach the line, from number `first` on. */
@@ -1853,10 +1883,10 @@ SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count,
             const float scale = page->scale[g], before = page->before[g], behind = page->behind[g];
             for (l = 0; l < SCATTERI_LANES; l++) {
                 const float x = a * (at[l] - m);
-                const float e = scatteri_exp(-(fade + x * x));
+                const float e = scatteri_decay(fade + x * x);
                 const float q = scale * scatteri_erfcx(scatteri_abs(x)) * e;
                 d[l] += c * e;
-                tau[l] += x < 0.0f ? before + q : behind - q;
+                tau[l] += scatteri_choose(x, 0.0f, before + q, behind - q);
             }
         }
         for (l = 0; l < SCATTERI_LANES; l++) {
@@ -1925,10 +1955,15 @@ typedef struct scatteri_points {
     float length[SCATTERI_NODES];   /* of the segment inside the bounds */
 } scatteri_points;
 
+SCATTERI_FN float scatteri_not_zero(float d)
+{
+    return scatteri_choose(scatteri_abs(d), 1e-20f, 1e-20f, d);
+}
+
 SCATTERI_FN float scatteri_exit(float x, float d, float low, float high)
 {
-    const float safe = scatteri_abs(d) < 1e-20f ? 1e-20f : d;
-    return scatteri_max(((safe > 0.0f ? high : low) - x) / safe, 0.0f);
+    const float safe = scatteri_not_zero(d);
+    return scatteri_max((scatteri_choose(0.0f, safe, high, low) - x) / safe, 0.0f);
 }
 
 /* Fills dx..length from x, y, z. */
@@ -1969,8 +2004,6 @@ typedef struct scatteri_shadow {
     int count, next, complete;
     float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre relative to the line's origin */
     float a[SCATTERI_PAGE], scale[SCATTERI_PAGE]; /* scale: c sqrt(pi)/(2a) */
-    float source[SCATTERI_PAGE];                  /* exp(-a^2 |S - centre|^2), 0 if negligible */
-    int touches[SCATTERI_PAGE];                   /* the line itself */
 } scatteri_shadow;
 
 /* Four slabs that hold the triangle or strip: low <= normal . (x - line origin) <= high. */
@@ -1996,8 +2029,8 @@ static void scatteri_hull_add(scatteri_hull *hull, int i, scatter_vec3 x)
 
 static scatter_vec3 scatteri_unit_or_zero(scatter_vec3 v)
 {
-    const float length = scatteri_length(v);
-    return length > 1e-12f ? scatteri_scale(v, 1.0f / length) : scatteri_v3(0.0f, 0.0f, 0.0f);
+    const float square = scatteri_dot(v, v);
+    return scatteri_scale(v, square > 1e-24f ? scatteri_rsqrt(square) : 0.0f);
 }
 
 static scatteri_hull scatteri_shadow_hull(const scatteri_line *line, const scatter_source *source)
@@ -2046,37 +2079,25 @@ SCATTERI_FN void scatteri_near_hull(const scatteri_gaussians *g, scatter_vec3 or
         keep[l] = g->a[first + l] * g->a[first + l] * worst[l] * worst[l] < g->reach[first + l];
 }
 
-SCATTERI_HOT static void scatteri_gather_shadow(const scatteri_gaussians *g, const scatteri_line *line,
-                                                const scatter_source *source, const scatteri_hull *hull, int first,
-                                                scatteri_shadow *page)
+SCATTERI_HOT static void scatteri_gather_shadow(const scatteri_gaussians *g, scatter_vec3 origin,
+                                                const scatteri_hull *hull, int first, scatteri_shadow *page)
 {
-    const scatter_vec3 o = line->origin, s = scatteri_sub(source->position, line->origin);
-    float m[SCATTERI_LANES], fade[SCATTERI_LANES];
-    int keep[SCATTERI_LANES], touch[SCATTERI_LANES], l;
     const int from_start = first == 0;
+    int keep[SCATTERI_LANES], l;
     page->count = 0;
     for (; first < g->padded && page->count <= SCATTERI_PAGE - SCATTERI_LANES; first += SCATTERI_LANES) {
-        scatteri_near_hull(g, o, hull, first, keep);
+        scatteri_near_hull(g, origin, hull, first, keep);
         if (!scatteri_any(keep))
             continue;
-        scatteri_near_line(g, line, first, m, fade, touch);
         for (l = 0; l < SCATTERI_LANES; l++) {
             const int i = page->count;
-            const float a = g->a[first + l];
-            float dx, dy, dz, far;
-            if (!keep[l] || !(g->c[first + l] > 0.0f))
+            if (!keep[l])
                 continue;
-            page->x[i] = g->x[first + l] - o.x;
-            page->y[i] = g->y[first + l] - o.y;
-            page->z[i] = g->z[first + l] - o.z;
-            page->a[i] = a;
-            page->scale[i] = g->c[first + l] * 0.886226925f / a;
-            page->touches[i] = touch[l];
-            dx = page->x[i] - s.x;
-            dy = page->y[i] - s.y;
-            dz = page->z[i] - s.z;
-            far = a * a * (dx * dx + dy * dy + dz * dz);
-            page->source[i] = source->directional || far > g->reach[first + l] ? 0.0f : scatteri_exp(-far);
+            page->x[i] = g->x[first + l] - origin.x;
+            page->y[i] = g->y[first + l] - origin.y;
+            page->z[i] = g->z[first + l] - origin.z;
+            page->a[i] = g->a[first + l];
+            page->scale[i] = g->c[first + l] * 0.886226925f / g->a[first + l];
             page->count++;
         }
     }
@@ -2084,73 +2105,84 @@ SCATTERI_HOT static void scatteri_gather_shadow(const scatteri_gaussians *g, con
     page->complete = from_start && first >= g->padded;
 }
 
-/* Adds, at 16 points t of the line, depth between them and the source. Every erfc is erfcx times the density at
-   that end, so it neither under- nor overflows and keeps its digits in the tails. */
-SCATTERI_FN void scatteri_shadow_lanes(const scatteri_shadow *page, scatter_vec3 u, int clipped,
+/* Where a Gaussian is closest to the segments from 16 points t of the line to the source: m along the segment, and
+   a^2 h^2. */
+SCATTERI_FN void scatteri_shadow_foot(const scatteri_shadow *page, int g, scatter_vec3 u,
+                                      const float *SCATTERI_RESTRICT t, const float *SCATTERI_RESTRICT dx,
+                                      const float *SCATTERI_RESTRICT dy, const float *SCATTERI_RESTRICT dz,
+                                      float *SCATTERI_RESTRICT m, float *SCATTERI_RESTRICT fade)
+{
+    const float a = page->a[g], gx = page->x[g], gy = page->y[g], gz = page->z[g];
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float x = gx - u.x * t[l], y = gy - u.y * t[l], z = gz - u.z * t[l];
+        const float along = x * dx[l] + y * dy[l] + z * dz[l];
+        const float px = x - along * dx[l], py = y - along * dy[l], pz = z - along * dz[l];
+        m[l] = along;
+        fade[l] = a * a * (px * px + py * py + pz * pz);
+    }
+}
+
+/* Depth by the difference of two erfs: error 4e-7 of the Gaussian's whole depth on that line. */
+SCATTERI_FN void scatteri_shadow_quick(float a, float scale, const float *SCATTERI_RESTRICT length,
+                                       const float *SCATTERI_RESTRICT m, const float *SCATTERI_RESTRICT fade,
+                                       float *SCATTERI_RESTRICT sum)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float x = scatteri_within(-a * m[l], 3.6f), y = scatteri_within(a * (length[l] - m[l]), 3.6f);
+        const float qx = scatteri_erf_under(x * x), qy = scatteri_erf_under(y * y);
+        const float s = scatteri_erf_over(y, y * y) * qx - scatteri_erf_over(x, x * x) * qy;
+        sum[l] += scale * scatteri_decay(fade[l]) * (s / (qx * qy));
+    }
+}
+
+/* Depth by erfc of both ends, each as erfcx times the density at that end: neither under- nor overflows and keeps
+   its digits in the tails, where a dense Gaussian still counts. */
+SCATTERI_FN void scatteri_shadow_exact(float a, float scale, const float *SCATTERI_RESTRICT length,
+                                       const float *SCATTERI_RESTRICT m, const float *SCATTERI_RESTRICT fade,
+                                       float *SCATTERI_RESTRICT sum)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float x = a * m[l], y = scatteri_min(a * (length[l] - m[l]), 1e6f);
+        const float p = scatteri_erfcx(scatteri_abs(x)) * scatteri_decay(fade[l] + x * x);
+        const float q = scatteri_erfcx(scatteri_abs(y)) * scatteri_decay(fade[l] + y * y);
+        const float between = scatteri_choose(0.0f, x, scatteri_choose(0.0f, y, 2.0f, 0.0f), 0.0f);
+        const float ends = scatteri_choose(0.0f, x, -p, p) + scatteri_choose(y, 0.0f, q, -q);
+        sum[l] += scale * scatteri_max(between * scatteri_decay(fade[l]) + ends, 0.0f);
+    }
+}
+
+/* Adds, at 16 points t of the line, depth between them and the source. */
+SCATTERI_FN void scatteri_shadow_lanes(const scatteri_shadow *page, scatter_vec3 u, float sigma,
                                        const float *SCATTERI_RESTRICT t, const float *SCATTERI_RESTRICT dx,
                                        const float *SCATTERI_RESTRICT dy, const float *SCATTERI_RESTRICT dz,
                                        const float *SCATTERI_RESTRICT length, float *SCATTERI_RESTRICT depth)
 {
-    float sum[SCATTERI_LANES];
+    float sum[SCATTERI_LANES], m[SCATTERI_LANES], fade[SCATTERI_LANES];
     int g, l;
     for (l = 0; l < SCATTERI_LANES; l++)
         sum[l] = 0.0f;
     for (g = 0; g < page->count; g++) {
-        const float a = page->a[g], gx = page->x[g], gy = page->y[g], gz = page->z[g], scale = page->scale[g];
-        float m[SCATTERI_LANES], h2[SCATTERI_LANES], bell[SCATTERI_LANES];
-        for (l = 0; l < SCATTERI_LANES; l++) {
-            const float x = gx - u.x * t[l], y = gy - u.y * t[l], z = gz - u.z * t[l];
-            const float along = x * dx[l] + y * dy[l] + z * dz[l];
-            const float px = x - along * dx[l], py = y - along * dy[l], pz = z - along * dz[l];
-            const float off = a * a * (px * px + py * py + pz * pz);
-            const float mid = 2.0f * scatteri_exp(-off);
-            m[l] = along;
-            h2[l] = off;
-            bell[l] = along > 0.0f ? (along < length[l] ? mid : 0.0f) : 0.0f;
-        }
-        if (page->touches[g])
-            for (l = 0; l < SCATTERI_LANES; l++) {
-                const float x = a * m[l];
-                const float q = scatteri_erfcx(scatteri_abs(x)) * scatteri_exp(-(h2[l] + x * x));
-                bell[l] += m[l] > 0.0f ? -q : q;
-            }
-        if (clipped)
-            for (l = 0; l < SCATTERI_LANES; l++) {
-                const float x = scatteri_min(a * (length[l] - m[l]), 1e6f);
-                const float q = scatteri_erfcx(scatteri_abs(x)) * scatteri_exp(-(h2[l] + x * x));
-                bell[l] += x < 0.0f ? q : -q;
-            }
-        else if (page->source[g] > 0.0f)
-            for (l = 0; l < SCATTERI_LANES; l++) {
-                const float x = a * (length[l] - m[l]);
-                const float q = scatteri_erfcx(scatteri_abs(x)) * page->source[g];
-                bell[l] += x < 0.0f ? q : -q;
-            }
-        for (l = 0; l < SCATTERI_LANES; l++)
-            sum[l] += scale * scatteri_max(bell[l], 0.0f);
+        const float a = page->a[g], scale = page->scale[g];
+        scatteri_shadow_foot(page, g, u, t, dx, dy, dz, m, fade);
+        if (sigma * scale < SCATTERI_QUICK)
+            scatteri_shadow_quick(a, scale, length, m, fade, sum);
+        else
+            scatteri_shadow_exact(a, scale, length, m, fade, sum);
     }
     for (l = 0; l < SCATTERI_LANES; l++)
-        depth[l] += sum[l];
+        depth[l] += scatteri_max(sum[l], 0.0f);
 }
 
-SCATTERI_HOT static void scatteri_add_shadow(const scatteri_shadow *page, scatter_vec3 u, int clipped, int count,
+SCATTERI_HOT static void scatteri_add_shadow(const scatteri_shadow *page, scatter_vec3 u, float sigma, int count,
                                              const float *t, const scatteri_points *p, float *depth)
 {
     int first;
-    for (first = 0; first < count; first += SCATTERI_LANES) {
-        if (clipped)
-            scatteri_shadow_lanes(page, u, 1, t + first, p->dx + first, p->dy + first, p->dz + first,
-                                  p->length + first, depth + first);
-        else
-            scatteri_shadow_lanes(page, u, 0, t + first, p->dx + first, p->dy + first, p->dz + first,
-                                  p->length + first, depth + first);
-    }
-}
-
-/* Whether segments to the source can end at the bounds instead. */
-static int scatteri_source_clipped(const scatter_source *source, const scatter_medium *medium)
-{
-    return medium->bounded && (source->directional || !scatteri_inside(medium->bounds, source->position));
+    for (first = 0; first < count; first += SCATTERI_LANES)
+        scatteri_shadow_lanes(page, u, sigma, t + first, p->dx + first, p->dy + first, p->dz + first,
+                              p->length + first, depth + first);
 }
 
 /* Everything needed to add closed-form depth at points of one line. */
@@ -2159,7 +2191,6 @@ typedef struct scatteri_shadows {
     const scatter_source *source;
     const scatteri_line *line;
     scatteri_hull hull;
-    int clipped;
     scatteri_shadow page;
 } scatteri_shadows;
 
@@ -2170,8 +2201,7 @@ static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *m
     s->source = source;
     s->line = line;
     s->hull = scatteri_shadow_hull(line, source);
-    s->clipped = scatteri_source_clipped(source, &medium->desc);
-    scatteri_gather_shadow(&medium->gaussians, line, source, &s->hull, 0, &s->page);
+    scatteri_gather_shadow(&medium->gaussians, line->origin, &s->hull, 0, &s->page);
 }
 
 /* Depth of the grids by exact traversal: slow, and exact. */
@@ -2191,12 +2221,12 @@ static void scatteri_add_shadows(scatteri_shadows *s, int count, const float *t,
     const scatteri_gaussians *g = &s->medium->gaussians;
     int next = 0;
     if (s->page.complete) {
-        scatteri_add_shadow(&s->page, s->line->direction, s->clipped, count, t, p, depth);
+        scatteri_add_shadow(&s->page, s->line->direction, s->medium->sigma_most, count, t, p, depth);
         next = g->padded;
     }
     for (; next < g->padded; next = s->page.next) {
-        scatteri_gather_shadow(g, s->line, s->source, &s->hull, next, &s->page);
-        scatteri_add_shadow(&s->page, s->line->direction, s->clipped, count, t, p, depth);
+        scatteri_gather_shadow(g, s->line->origin, &s->hull, next, &s->page);
+        scatteri_add_shadow(&s->page, s->line->direction, s->medium->sigma_most, count, t, p, depth);
     }
     scatteri_add_field_depths(s->medium, count, p, depth);
 }
@@ -2684,15 +2714,13 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
     for (l = 0; l < SCATTERI_LANES; l++) {
         const int i = first + l;
         const float far = scatteri_min(p->length[i], SCATTERI_FAR);
-        const float dx = scatteri_abs(p->dx[i]) < 1e-20f ? 1e-20f : p->dx[i];
-        const float dy = scatteri_abs(p->dy[i]) < 1e-20f ? 1e-20f : p->dy[i];
-        const float dz = scatteri_abs(p->dz[i]) < 1e-20f ? 1e-20f : p->dz[i];
-        const float nearx = ((dx > 0.0f ? b.min.x : b.max.x) - p->x[i]) / dx;
-        const float neary = ((dy > 0.0f ? b.min.y : b.max.y) - p->y[i]) / dy;
-        const float nearz = ((dz > 0.0f ? b.min.z : b.max.z) - p->z[i]) / dz;
-        const float farx = ((dx > 0.0f ? b.max.x : b.min.x) - p->x[i]) / dx;
-        const float fary = ((dy > 0.0f ? b.max.y : b.min.y) - p->y[i]) / dy;
-        const float farz = ((dz > 0.0f ? b.max.z : b.min.z) - p->z[i]) / dz;
+        const float dx = scatteri_not_zero(p->dx[i]), dy = scatteri_not_zero(p->dy[i]), dz = scatteri_not_zero(p->dz[i]);
+        const float nearx = (scatteri_choose(0.0f, dx, b.min.x, b.max.x) - p->x[i]) / dx;
+        const float neary = (scatteri_choose(0.0f, dy, b.min.y, b.max.y) - p->y[i]) / dy;
+        const float nearz = (scatteri_choose(0.0f, dz, b.min.z, b.max.z) - p->z[i]) / dz;
+        const float farx = (scatteri_choose(0.0f, dx, b.max.x, b.min.x) - p->x[i]) / dx;
+        const float fary = (scatteri_choose(0.0f, dy, b.max.y, b.min.y) - p->y[i]) / dy;
+        const float farz = (scatteri_choose(0.0f, dz, b.max.z, b.min.z) - p->z[i]) / dz;
         const float enter = scatteri_max(scatteri_max(nearx, neary), scatteri_max(nearz, 0.0f));
         const float leave = scatteri_min(scatteri_min(farx, fary), scatteri_min(farz, far));
         const float shift = scatteri_min(enter, 1e9f);
@@ -2704,7 +2732,7 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
         fx[l] = scatteri_clamp(gx - (float)cx, -0.5f, 1.5f);
         fy[l] = scatteri_clamp(gy - (float)cy, -0.5f, 1.5f);
         fz[l] = scatteri_clamp(gz - (float)cz, -0.5f, 1.5f);
-        factor[l] = enter > leave ? 0.0f : directional ? 1.0f : p->distance[i] - shift;
+        factor[l] = scatteri_choose(leave, enter, 0.0f, directional ? 1.0f : p->distance[i] - shift);
     }
     for (l = 0; l < SCATTERI_LANES; l++)
         depth[first + l] += scatteri_max(
@@ -2957,7 +2985,8 @@ struct scatter_context {
     const scatteri_field *fields; /* sampled along eye rays: the grids, or the injected density */
     int field_count;
     int exact;                    /* Gaussians are evaluated at the nodes */
-    float node[SCATTERI_NODES], weight[SCATTERI_NODES]; /* Gauss-Legendre on -1..1 */
+    /* Rules on -1..1, filled up to whole lanes with weight 0: Gauss-Legendre, and the middles of equal cells. */
+    float node[SCATTERI_NODES], weight[SCATTERI_NODES], cell_node[SCATTERI_NODES], cell_weight[SCATTERI_NODES];
     int ready;
     scatter_stats stats;
 };
@@ -3004,6 +3033,13 @@ static scatteri_map scatteri_map_light(const scatteri_line *line, const scatteri
     return map;
 }
 
+/* t and dt/du at u on the way to a local light. */
+SCATTERI_FN scatteri_vec2 scatteri_stretch(float t0, float d, float u)
+{
+    const float up = 0.5f * scatteri_exp(u), down = 0.25f / up;
+    return scatteri_v2(t0 + d * (up - down), d * (up + down));
+}
+
 static float scatteri_to_u(const scatteri_map *map, float t)
 {
     return map->local ? scatteri_asinh((t - map->t0) / map->d) : t;
@@ -3011,7 +3047,7 @@ static float scatteri_to_u(const scatteri_map *map, float t)
 
 static float scatteri_to_t(const scatteri_map *map, float u)
 {
-    return map->local ? map->t0 + map->d * scatteri_sinh(u) : u;
+    return map->local ? scatteri_stretch(map->t0, map->d, u).x : u;
 }
 
 /* Depth from the nodes' points to the light: Gaussians and grids by the light's method, the rest closed. */
@@ -3135,6 +3171,7 @@ typedef struct scatteri_eye {
     scatteri_line line;   /* depth counts from line.t0 */
     scatteri_page page;
     float hull0, hull1;   /* Gaussians reach the ray in between; hull0 > hull1: none does */
+    float reach1;         /* behind it none has density, whether the ray goes there or not */
     int samples;          /* of voxel density along the ray: at profile0 + i step, i = 0..samples */
     float profile0, profile1, step, voxel;
     float density[SCATTERI_PROFILE + 2 * SCATTERI_LANES], depth[SCATTERI_PROFILE + 2 * SCATTERI_LANES];
@@ -3162,6 +3199,21 @@ static float scatteri_horizon(const scatteri_medium *m, scatter_vec3 o, scatter_
     return far;
 }
 
+/* How many features a metre the Gaussians of the page have: one in each width 1/a, more at the edges of opaque ones,
+   fewer where a Gaussian is faint beside the strongest on the ray. */
+SCATTERI_HOT static void scatteri_rate_page(scatteri_page *page, float sigma)
+{
+    float strongest = 0.0f;
+    int first, i;
+    for (i = 0; i < page->count; i++)
+        strongest = scatteri_max(strongest, page->peak[i]);
+    for (first = 0; first < page->count; first += SCATTERI_LANES)
+        for (i = first; i < first + SCATTERI_LANES; i++) {
+            const float edge = 1.0f + 0.2f * scatteri_log(1.0f + 2.0f * sigma * page->peak[i]);
+            page->rate[i] = page->a[i] * edge * scatteri_choose(page->peak[i], 1e-3f * strongest, 0.3f, 1.0f);
+        }
+}
+
 static void scatteri_find_hull(scatteri_eye *eye)
 {
     const scatteri_page *page = &eye->page;
@@ -3172,6 +3224,7 @@ static void scatteri_find_hull(scatteri_eye *eye)
         eye->hull0 = scatteri_min(eye->hull0, page->m[i] - page->half[i]);
         eye->hull1 = scatteri_max(eye->hull1, page->m[i] + page->half[i]);
     }
+    eye->reach1 = eye->hull1;
     if (!page->complete && page->count > 0) {
         eye->hull0 = eye->line.t0;
         eye->hull1 = eye->line.t1;
@@ -3264,7 +3317,7 @@ SCATTERI_HOT static void scatteri_add_profile(const scatteri_eye *eye, int count
             const float g = scatteri_clamp((t[l] - p0) * inverse, 0.0f, top);
             const int i = (int)scatteri_min(g, top - 1.0f);
             const float f = g - (float)i, a = d[i], b = d[i + 1];
-            const float inside = t[l] >= p0 ? (t[l] <= p1 ? 1.0f : 0.0f) : 0.0f;
+            const float inside = (float)((t[l] >= p0) & (t[l] <= p1));
             density[l] += inside * (a + f * (b - a));
             depth[l] += tau[i] + step * f * (a + 0.5f * f * (b - a));
         }
@@ -3295,21 +3348,25 @@ static void scatteri_fill_nodes(scatteri_eye *eye, scatteri_nodes *n)
 }
 
 /* Nodes on the panel ua..ub of the map: Gauss-Legendre, or the middles of equal cells. */
-static void scatteri_place_nodes(const scatter_context *c, const scatteri_map *map, float ua, float ub, int cells,
-                                 scatteri_nodes *n)
+SCATTERI_HOT static void scatteri_place_nodes(const scatter_context *c, const scatteri_map *map, float ua, float ub,
+                                              int cells, scatteri_nodes *n)
 {
-    const int real = c->quality.nodes;
-    const float middle = 0.5f * (ua + ub), half = 0.5f * (ub - ua);
-    int i;
+    const int real = c->quality.nodes, local = map->local;
+    const float middle = 0.5f * (ua + ub), half = 0.5f * (ub - ua), t0 = map->t0, d = map->d;
+    const float *node = cells ? c->cell_node : c->node, *weight = cells ? c->cell_weight : c->weight;
+    int first, l;
     n->count = (real + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
     n->cells = cells;
-    for (i = 0; i < n->count; i++) {
-        const int k = i < real ? i : real - 1;
-        const float x = cells ? ((float)(2 * k + 1) / (float)real - 1.0f) : c->node[k];
-        const float w = cells ? 2.0f / (float)real : c->weight[k];
-        const float u = middle + half * x;
-        n->t[i] = scatteri_to_t(map, u);
-        n->weight[i] = i < real ? half * w * (map->local ? map->d * scatteri_cosh(u) : 1.0f) : 0.0f;
+    for (first = 0; first < n->count; first += SCATTERI_LANES) {
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            n->t[first + l] = middle + half * node[first + l];
+            n->weight[first + l] = half * weight[first + l];
+        }
+        for (l = 0; l < SCATTERI_LANES && local; l++) {
+            const scatteri_vec2 at = scatteri_stretch(t0, d, n->t[first + l]);
+            n->t[first + l] = at.x;
+            n->weight[first + l] *= at.y;
+        }
     }
 }
 
@@ -3396,22 +3453,14 @@ typedef struct scatteri_bins {
     float rate[SCATTERI_BINS];
 } scatteri_bins;
 
-/* Narrow features of opaque Gaussians are their edges: a width 1/a shrinks with the log of the depth. */
-SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, float sigma, scatteri_bins *bins)
+SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, scatteri_bins *bins)
 {
     int g, b;
-    float total = 1e-30f;
-    for (g = 0; g < page->count; g++)
-        total = scatteri_max(total, page->scale[g] * scatteri_exp(-page->fade[g]));
     for (g = 0; g < page->count; g++) {
-        const float share = scatteri_exp(-page->fade[g]) * page->scale[g];
-        const float faint = 1.0f + 0.1f * scatteri_log(scatteri_max(share / total, 1e-30f));
-        const float rate = page->a[g] * scatteri_max(faint, 0.0f) *
-                           (1.0f + 0.2f * scatteri_log(1.0f + 2.0f * sigma * share));
-        const float low = page->m[g] - page->half[g], high = page->m[g] + page->half[g];
+        const float low = page->m[g] - page->half[g], high = page->m[g] + page->half[g], rate = page->rate[g];
         for (b = 0; b < SCATTERI_BINS; b++) {
-            const float here = low < bins->high[b] ? (high > bins->low[b] ? rate : 0.0f) : 0.0f;
-            bins->rate[b] = scatteri_max(bins->rate[b], here * bins->stretch[b]);
+            const float here = rate * bins->stretch[b] * (float)((low < bins->high[b]) & (high > bins->low[b]));
+            bins->rate[b] = scatteri_max(bins->rate[b], here);
         }
     }
 }
@@ -3428,25 +3477,41 @@ static float scatteri_analytic_rate(const scatteri_eye *eye, float t)
     return 0.4f * rate;
 }
 
+/* Ends and middles of the bins. */
+SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, float ua, float ub, scatteri_bins *bins)
+{
+    const float width = (ub - ua) / (float)SCATTERI_BINS, t0 = map->t0, d = map->d;
+    int b;
+    bins->u0 = ua;
+    bins->width = width;
+    for (b = 0; b < SCATTERI_BINS; b++) {
+        bins->low[b] = ua + (float)b * width;
+        bins->high[b] = bins->low[b] + width;
+        bins->stretch[b] = 1.0f;
+    }
+    for (b = 0; b < SCATTERI_BINS && map->local; b++) {
+        const scatteri_vec2 middle = scatteri_stretch(t0, d, bins->low[b] + 0.5f * width);
+        bins->low[b] = scatteri_stretch(t0, d, bins->low[b]).x;
+        bins->high[b] = scatteri_stretch(t0, d, bins->high[b]).x;
+        bins->stretch[b] = middle.y;
+    }
+}
+
 static void scatteri_fill_bins(scatteri_eye *eye, const scatteri_map *map, float ua, float ub, int cells,
                                scatteri_bins *bins)
 {
     const scatter_context *c = eye->context;
+    const float voxels = cells ? SCATTERI_PANEL / (16.0f * eye->voxel) : 0.0f;
     int b;
-    bins->u0 = ua;
-    bins->width = (ub - ua) / (float)SCATTERI_BINS;
-    for (b = 0; b < SCATTERI_BINS; b++) {
-        const float u = ua + ((float)b + 0.5f) * bins->width, t = scatteri_to_t(map, u);
-        bins->low[b] = b > 0 ? bins->high[b - 1] : scatteri_to_t(map, ua);
-        bins->high[b] = scatteri_to_t(map, ua + (float)(b + 1) * bins->width);
-        bins->stretch[b] = map->local ? map->d * scatteri_cosh(u) : 1.0f;
-        bins->rate[b] = cells ? SCATTERI_PANEL / (16.0f * eye->voxel) : 0.0f;
-        if (c->medium.has_analytic)
-            bins->rate[b] = scatteri_max(bins->rate[b], scatteri_max(scatteri_analytic_rate(eye, t), 1e-30f));
-        bins->rate[b] *= bins->stretch[b];
+    scatteri_place_bins(map, ua, ub, bins);
+    for (b = 0; b < SCATTERI_BINS; b++)
+        bins->rate[b] = voxels * bins->stretch[b];
+    for (b = 0; b < SCATTERI_BINS && c->medium.has_analytic; b++) {
+        const float analytic = scatteri_analytic_rate(eye, 0.5f * (bins->low[b] + bins->high[b]));
+        bins->rate[b] = scatteri_max(bins->rate[b], scatteri_max(analytic, 1e-30f) * bins->stretch[b]);
     }
     if (c->exact && eye->page.count > 0)
-        scatteri_rate_gaussians(&eye->page, c->medium.sigma_most, bins);
+        scatteri_rate_gaussians(&eye->page, bins);
     for (b = 0; b < SCATTERI_BINS && map->local; b++)
         bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], 1.0f) : 0.0f;
 }
@@ -3474,14 +3539,31 @@ static void scatteri_add_run(scatteri_eye *eye, const scatteri_pass *pass, const
     scatteri_add_panel(eye, pass, ua, bins->u0 + (float)end * bins->width, cells, radiance);
 }
 
+/* Most features that the piece can hold; cheap, and often few enough for one panel. */
+static float scatteri_most_features(const scatteri_eye *eye, float ta, float tb, float ua, float ub)
+{
+    const scatteri_page *page = &eye->page;
+    float narrowest = 0.0f;
+    int i;
+    for (i = 0; i < page->count; i++)
+        narrowest = scatteri_max(narrowest, page->rate[i]);
+    return narrowest * (tb - ta) + (ub - ua);
+}
+
 /* A piece of the ray on which only the medium's smooth shape counts. */
 static void scatteri_add_piece(scatteri_eye *eye, const scatteri_pass *pass, float ta, float tb, scatter_vec3 *radiance)
 {
     const float middle = 0.5f * (ta + tb);
     const int cells = eye->samples > 0 && middle > eye->profile0 && middle < eye->profile1;
+    const float ua = scatteri_to_u(&pass->map, ta), ub = scatteri_to_u(&pass->map, tb);
     scatteri_bins bins;
     int b = 0, end;
-    scatteri_fill_bins(eye, &pass->map, scatteri_to_u(&pass->map, ta), scatteri_to_u(&pass->map, tb), cells, &bins);
+    if (!cells && !eye->context->medium.has_analytic &&
+        scatteri_most_features(eye, ta, tb, ua, ub) <= SCATTERI_PANEL) {
+        scatteri_add_panel(eye, pass, ua, ub, 0, radiance);
+        return;
+    }
+    scatteri_fill_bins(eye, &pass->map, ua, ub, cells, &bins);
     while (b < SCATTERI_BINS) {
         for (; b < SCATTERI_BINS && !(bins.rate[b] > 0.0f); b++)
             ;
@@ -3646,15 +3728,36 @@ static void scatteri_integrate(scatteri_eye *eye, scatter_vec3 *radiance)
 
 /* --- the whole ray --- */
 
-static scatter_vec3 scatteri_end_of_ray(scatteri_eye *eye)
+/* Depth of the Gaussians up to t: behind all of them a sum of constants. */
+static float scatteri_page_depth(scatteri_eye *eye, float t)
 {
-    scatteri_nodes n;
-    int l;
-    n.count = SCATTERI_LANES;
-    for (l = 0; l < SCATTERI_LANES; l++)
-        n.t[l] = eye->line.t1;
-    scatteri_fill_nodes(eye, &n);
-    return scatteri_transmittance(&eye->context->medium, n.depth[0]);
+    const scatteri_page *page = &eye->page;
+    float at[SCATTERI_LANES], density[SCATTERI_LANES], depth[SCATTERI_LANES], sum = 0.0f;
+    int i;
+    if (page->complete && t >= eye->reach1) {
+        for (i = 0; i < page->count; i++)
+            sum += page->behind[i];
+        return sum;
+    }
+    for (i = 0; i < SCATTERI_LANES; i++) {
+        at[i] = t;
+        density[i] = depth[i] = 0.0f;
+    }
+    scatteri_add_gaussians(&eye->context->medium.gaussians, &eye->line, &eye->page, SCATTERI_LANES, at, density, depth);
+    return depth[0];
+}
+
+static float scatteri_end_depth(scatteri_eye *eye)
+{
+    const scatteri_line *line = &eye->line;
+    const scatteri_medium *m = &eye->context->medium;
+    float depth = eye->samples > 0 ? eye->depth[eye->samples] : 0.0f;
+    if (eye->context->exact && m->gaussians.count > 0)
+        depth += scatteri_page_depth(eye, line->t1);
+    if (m->has_analytic)
+        depth += scatteri_analytic_depth(&m->desc, line->origin.y + line->t0 * line->direction.y, line->direction.y,
+                                         line->t1 - line->t0);
+    return depth;
 }
 
 /* Cuts the ray to where there is medium and gathers what lies on it; 0 if nothing does. */
@@ -3681,6 +3784,7 @@ static int scatteri_begin_eye(scatteri_eye *eye, const scatter_context *c, scatt
         return 0;
     if (c->exact && m->gaussians.count > 0) {
         scatteri_gather(&m->gaussians, line, 0, &eye->page);
+        scatteri_rate_page(&eye->page, m->sigma_most);
         scatteri_find_hull(eye);
     }
     return line->t0 < line->t1;
@@ -3735,7 +3839,7 @@ static void scatteri_look(const scatter_context *c, scatter_vec3 origin, scatter
         return;
     }
     scatteri_take_profile(&eye);
-    sample->transmittance = scatteri_end_of_ray(&eye);
+    sample->transmittance = scatteri_transmittance(&c->medium, scatteri_end_depth(&eye));
     if (!c->medium.has_analytic && eye.samples == 0) {
         eye.line.t1 = scatteri_min(eye.line.t1, eye.hull1);
         if (eye.hull0 >= eye.line.t1)
@@ -4458,11 +4562,15 @@ static void scatteri_choose_fields(scatter_context *c)
 
 static void scatteri_update_nodes(scatter_context *c)
 {
+    const int n = c->quality.nodes;
     int i;
-    for (i = 0; i < c->quality.nodes && c->quality.ray == SCATTER_RAY_QUADRATURE; i++) {
-        const scatteri_vec2 node = scatteri_legendre(i, c->quality.nodes);
+    for (i = 0; i < SCATTERI_NODES && c->quality.ray == SCATTER_RAY_QUADRATURE; i++) {
+        const int k = i < n ? i : n - 1;
+        const scatteri_vec2 node = i < n ? scatteri_legendre(i, n) : scatteri_v2(c->node[k], 0.0f);
         c->node[i] = node.x;
         c->weight[i] = node.y;
+        c->cell_node[i] = (float)(2 * k + 1) / (float)n - 1.0f;
+        c->cell_weight[i] = i < n ? 2.0f / (float)n : 0.0f;
     }
 }
 

@@ -21,8 +21,7 @@
      vector      add, scale, dot, cross, length, normalize
      erf         exp(-x^2), erfc(x) exp(x^2), erf
      span        differences of erf without cancellation
-     quick       erf for inner loops
-     integrals   optical depth of a Gaussian and of height fog          (span, quick)
+     integrals   optical depth of a Gaussian and of height fog          (span)
      phase       Henyey-Greenstein, Rayleigh, Draine                    (vector)
      droplets    water droplets by diameter                             (phase)
      maps        asinh, sinh, cosh, smoothstep, spot, trilinear
@@ -76,7 +75,6 @@ static const char scatteri_gl_prelude[] =
     "#define scatteri_min min\n"
     "#define scatteri_max max\n"
     "#define scatteri_cap min\n"
-    "float scatteri_within(float x, float top) { return clamp(x, -top, top); }\n"
     "float scatteri_choose(float x, float y, float a, float b) { return x < y ? a : b; }\n";
 
 /* >>glsl core begin: copied from scatter.h by `make glsl`; edit it there */

@@ -33,6 +33,12 @@ static const int depth_sizes[DEPTH_SIZES] = {16, 32, 64, 128};
 
 static const char *const depth_source_names[DEPTH_SOURCES] = {"lamp outside", "lamp inside", "sun"};
 
+/* The largest size is for the first source only: it takes long and the others tell the same. */
+static int depth_size_count(int source)
+{
+    return source == 0 ? DEPTH_SIZES : DEPTH_SIZES - 1;
+}
+
 /* What one method did at one size with one source. */
 typedef struct depth_result {
     double cells, points; /* relative RMS errors at cell centres and at random points */
@@ -239,7 +245,7 @@ static void depth_table(report *r, depth_bench *b)
                  "method|source|n|error at cells %|error between %|order|ms|min ms|"
                  "source moved ms|ns/cell|times as fast as march|ns/read");
     for (int s = 0; s < DEPTH_SOURCES; s++)
-        for (int size = 0; size < DEPTH_SIZES; size++) {
+        for (int size = 0; size < depth_size_count(s); size++) {
             for (int m = 0; m < DEPTH_METHODS; m++)
                 depth_row(r, b, s, size, m);
             if (s)
@@ -253,19 +259,23 @@ static void depth_table(report *r, depth_bench *b)
 
 /* The worst of the three sources at 64^3. */
 typedef struct depth_worst {
-    double error, ms, speedup, more_accurate;
+    double cells, points, ms; /* errors at cell centres and between them */
+    double speedup;           /* over march */
+    double more_accurate;     /* march's error over this one's, each at the same places */
 } depth_worst;
 
 static depth_worst depth_find_worst(const depth_bench *b, int m)
 {
-    depth_worst w = {0, 0, 1e30, 1e30};
+    depth_worst w = {0, 0, 0, 1e30, 1e30};
     for (int s = 0; s < DEPTH_SOURCES; s++) {
         const depth_result *d = &b->result[s][2][m], *march = &b->result[s][2][DEPTH_METHODS - 1];
-        double ms = timing_median(&d->all), error = worse_of(d->cells, d->points);
-        w.error = worse_of(w.error, error);
+        double ms = timing_median(&d->all);
+        w.cells = worse_of(w.cells, d->cells);
+        w.points = worse_of(w.points, d->points);
         w.ms = fmax(w.ms, ms);
         w.speedup = fmin(w.speedup, timing_median(&march->all) / ms);
-        w.more_accurate = fmin(w.more_accurate, fmin(march->cells, march->points) / error);
+        w.more_accurate =
+            fmin(w.more_accurate, fmin(march->cells / d->cells, march->points / d->points));
     }
     return w;
 }
@@ -273,16 +283,18 @@ static depth_worst depth_find_worst(const depth_bench *b, int m)
 static void depth_targets(report *r, const depth_bench *b)
 {
     depth_worst closed = depth_find_worst(b, 1), polar = depth_find_worst(b, 5);
-    report_target(r, closed.error <= 0.001 && closed.ms <= 10,
+    report_target(r, worse_of(closed.cells, closed.points) <= 0.001 && closed.ms <= 10,
                   "closed volume, 64^3, 16 Gaussians: error <= 0.1 % in <= 10 ms",
-                  "%.3f %% in %.2f ms", 100 * closed.error, closed.ms);
+                  "%.2g %% at cells, %.3g %% between, %.2f ms", 100 * closed.cells,
+                  100 * closed.points, closed.ms);
     report_target(r, closed.more_accurate > 1 && closed.speedup > 1,
                   "closed volume more accurate than march of the same cells, and faster",
                   "error %.2f times smaller, %.1f times as fast", closed.more_accurate,
                   closed.speedup);
-    report_target(r, polar.error <= 0.01 && polar.ms <= 2,
-                  "polar, 64^3, 16 Gaussians: error <= 1 % in <= 2 ms", "%.3f %% in %.2f ms",
-                  100 * polar.error, polar.ms);
+    report_target(r, worse_of(polar.cells, polar.points) <= 0.01 && polar.ms <= 2,
+                  "polar, 64^3, 16 Gaussians: error <= 1 % in <= 2 ms",
+                  "%.3g %% at cells, %.3g %% between, %.2f ms", 100 * polar.cells,
+                  100 * polar.points, polar.ms);
     report_target(r, polar.speedup >= 20, "polar at least 20 times as fast as march", "%.1f times",
                   polar.speedup);
 }
@@ -306,7 +318,7 @@ static void depth_run(report *r)
     for (int m = 0; m < DEPTH_METHODS; m++)
         must(scatter_depth_create(&host, &b->depth[m]), "scatter_depth_create");
     for (int s = 0; s < DEPTH_SOURCES; s++)
-        for (int size = 0; size < DEPTH_SIZES; size++)
+        for (int size = 0; size < depth_size_count(s); size++)
             depth_measure(b, s, size);
     depth_table(r, b);
     depth_targets(r, b);

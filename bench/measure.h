@@ -90,8 +90,7 @@ static scatter_vec3 random_point(uint64_t *state)
 /* --------------------------------------------------------------------------------------------
  * errors */
 
-/* The larger one, or the one that is not a number: a broken result must not vanish among good ones.
- */
+/* The larger one, or the one that is not a number: a broken result must stay visible. */
 static double worse_of(double a, double b)
 {
     return isnan(a) || a > b ? a : b; /* b, too, if it is not a number */

@@ -381,14 +381,40 @@ static int compare_with_reference(const options *o, const file_picture *picture,
 
 /* ------------------------------------------------------------------------------------ >>output */
 
+static double luminance(const float *rgb) {
+    return 0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
+}
+
+/* The exposure of the PNG. Pixels count in the log-average by the square root of their luminance,
+   so that neither an empty dark background nor a small lamp decides alone. As Reinhard proposes,
+   the brightest pixel becomes white, unless all are equally dim. */
+static scatter_tone choose_tone(const file_picture *picture, size_t pixels) {
+    scatter_tone tone;
+    double brightest = 0, weight = 0, sum = 0;
+    memset(&tone, 0, sizeof tone);
+    for (size_t i = 0; i < pixels; i++) {
+        double l = luminance(picture->rgb + 3 * i);
+        if (!(l > 0))
+            continue;
+        brightest = fmax(brightest, l);
+        weight += sqrt(l);
+        sum += sqrt(l) * log(l);
+    }
+    if (weight > 0) {
+        tone.key = 0.18f;
+        tone.log_average = (float)exp(sum / weight);
+        tone.white = (float)fmin(fmax(0.18 * brightest / exp(sum / weight), 0.4), 1e6);
+    }
+    return tone;
+}
+
 static int write_png(const char *path, const file_picture *picture, file_error *error) {
     size_t pixels = (size_t)picture->width * (size_t)picture->height;
     float *toned = (float *)malloc(pixels * 3 * sizeof(float));
     unsigned char *bytes = (unsigned char *)malloc(pixels * 3);
-    scatter_tone tone;
-    memset(&tone, 0, sizeof tone);
     int failed = toned && bytes ? 0 : file_fail(error, path, "out of memory");
     if (!failed) {
+        scatter_tone tone = choose_tone(picture, pixels);
         scatter_tone_map(&tone, picture->rgb, pixels, toned);
         for (size_t i = 0; i < pixels * 3; i++)
             bytes[i] = scatter_srgb8(toned[i]);

@@ -43,6 +43,7 @@ static void demand_unit(const float *values, size_t count, const char *what) {
 typedef struct input {
     const uint8_t *data;
     size_t size;
+    unsigned odd_from; /* bytes from here to 255 ask for an odd value */
 } input;
 
 /* The next byte, 0 after the end: so the shortest inputs are the tamest. */
@@ -63,15 +64,21 @@ static float raw_float(input *in) {
     return value;
 }
 
-/* Mostly between low and high; one in sixteen is something else. */
+/* A third of the scenes is tame throughout, a third has few odd values, a third many. */
+static void choose_temper(input *in) {
+    static const unsigned tempers[] = {256, 254, 240};
+    in->odd_from = tempers[next(in) % COUNT(tempers)];
+}
+
+/* Mostly between low and high, where the temper allows something else. */
 static float number(input *in, float low, float high) {
     static const float odd[] = {0.0f,  -0.0f,  1.0f,     -1.0f,   NAN,      INFINITY, -INFINITY,
                                 1e-9f, 1e-45f, -1e-45f,  3.4e38f, -3.4e38f, 1e18f,    -1e18f,
                                 1e6f,  1e-18f, 1.2e-38f, 1e9f,    -1e9f,    0.5f,     -1e-18f};
     unsigned kind = next(in);
-    if (kind >= 248)
+    if (kind >= in->odd_from && kind & 1u)
         return raw_float(in);
-    if (kind >= 240)
+    if (kind >= in->odd_from)
         return odd[next(in) % COUNT(odd)];
     return low + (high - low) * (float)next(in) / 255.0f;
 }
@@ -80,7 +87,7 @@ static int whole(input *in, int low, int high) {
     static const int odd[] = {0,    1,    -1,   INT_MAX, INT_MIN, 256,    257,
                               1024, 1025, 4096, 46341,   65536,   1 << 30};
     unsigned kind = next(in);
-    if (kind >= 240)
+    if (kind >= in->odd_from)
         return odd[next(in) % COUNT(odd)];
     return low + (int)(next(in) % (unsigned)(high - low + 1));
 }
@@ -111,13 +118,15 @@ static scatter_box box(input *in) {
 /* How many of `room` array elements there are: sometimes more than any memory holds. */
 static size_t amount(input *in, size_t room) {
     unsigned kind = next(in);
-    if (kind == 255)
+    if (kind == 255 && kind >= in->odd_from)
         return SIZE_MAX / (next(in) + 1u);
     return kind % (room + 1);
 }
 
-/* An array, or NULL one time in 64. */
-static const void *array(input *in, const void *memory) { return next(in) >= 252 ? NULL : memory; }
+/* An array, or oddly NULL. */
+static const void *array(input *in, const void *memory) {
+    return next(in) >= in->odd_from ? NULL : memory;
+}
 
 /* -------------------------------------------------------------------------------------- >>host */
 
@@ -450,8 +459,9 @@ static void try_context(input *in, books *b, const scatter_host *host) {
     int round;
     if (w && succeeded(b, scatter_create(host, &context))) {
         for (round = 0; round < 2; round++) {
+            choose_temper(in);
             fill_world(in, w);
-            succeeded(b, scatter_update(context, &w->scene, next(in) < 250 ? &w->quality : NULL));
+            succeeded(b, scatter_update(context, &w->scene, next(in) < 255 ? &w->quality : NULL));
             try_ray(in, b, context);
             try_picture(in, b, context);
             try_depth(in, b, host, w);
@@ -465,7 +475,7 @@ static void try_context(input *in, books *b, const scatter_host *host) {
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    input in = {data, size};
+    input in = {data, size, 256};
     books b;
     scatter_host host;
     memset(&b, 0, sizeof b);

@@ -3,17 +3,17 @@
    Chapters: vectors, density, depth, phase, lights, path, breaks, ray, surface, image.
 
    How the integral over a ray is made safe and affordable:
-   - t = t0 + d sinh u around a local light (d^2 = distance of the ray to it squared + R^2) removes 1/r^2;
-     a directional light is integrated in t itself.
-   - The range in u is broken where the integrand or its slope jumps or where it could be overlooked:
-     faces of boxes, narrow Gaussians and their shadows, edges of boxes as seen from the light,
-     spot cones, layers of fog, and shadow edges found by 512 probes and bisection. A shadow thinner than
-     the spacing of the probes is missed.
-   - Every lit run goes to GSL's adaptive gsl_integration_qagp, relative error 1e-8. A ray that crosses
-     more than 48 voxel planes gets Gauss-Legendre points between all crossings instead; the optical
-     depths at these points are as exact as everywhere.
-   - Along a ray a Gaussian counts where it exceeds exp(-28) = 7e-13 of its peak; fog ends where its own
-     transmittance fell below that, or 1e7 m away. */
+   - t = t0 + d sinh u around a local light (d^2 = distance of the ray to it squared + R^2)
+   removes 1/r^2; a directional light is integrated in t itself.
+   - The range in u is broken where the integrand or its slope jumps or where it could be
+   overlooked: faces of boxes, narrow Gaussians and their shadows, edges of boxes as seen from the
+   light, spot cones, layers of fog, and shadow edges found by 512 probes and bisection. A shadow
+   thinner than the spacing of the probes is missed.
+   - Every lit run is integrated adaptively, GSL's 21 Gauss-Kronrod points an interval, to 1e-8. A ray that
+   crosses more than 48 voxel planes gets Gauss-Legendre points between all crossings instead; the
+   optical depths at these points are as exact as everywhere.
+   - Along a ray a Gaussian counts where it exceeds exp(-28) = 7e-13 of its peak; fog ends where
+   its own transmittance fell below that, or 1e7 m away. */
 #include "reference.h"
 
 #include <float.h>
@@ -30,7 +30,8 @@
 #define FAR_END 1e7     /* m */
 #define INTERVALS 4000  /* of one adaptive quadrature */
 
-/* ---------------------------------------------------------------------------------------- >>vectors */
+/* ----------------------------------------------------------------------------------------
+ * >>vectors */
 
 typedef struct vec {
     double x[3];
@@ -42,14 +43,12 @@ typedef struct line {
     double t0, t1;
 } line;
 
-static vec from(scatter_vec3 v)
-{
+static vec from(scatter_vec3 v) {
     vec r = {{(double)v.x, (double)v.y, (double)v.z}};
     return r;
 }
 
-static scatter_vec3 to_float(vec v)
-{
+static scatter_vec3 to_float(vec v) {
     scatter_vec3 r;
     r.x = (float)v.x[0];
     r.y = (float)v.x[1];
@@ -58,84 +57,70 @@ static scatter_vec3 to_float(vec v)
 }
 
 /* a + b s */
-static vec along(vec a, vec b, double s)
-{
+static vec along(vec a, vec b, double s) {
     vec r = {{a.x[0] + b.x[0] * s, a.x[1] + b.x[1] * s, a.x[2] + b.x[2] * s}};
     return r;
 }
 
-static vec minus(vec a, vec b)
-{
+static vec minus(vec a, vec b) {
     return along(a, b, -1.0);
 }
 
-static vec scaled(vec a, double s)
-{
+static vec scaled(vec a, double s) {
     vec r = {{a.x[0] * s, a.x[1] * s, a.x[2] * s}};
     return r;
 }
 
-static double dot(vec a, vec b)
-{
+static double dot(vec a, vec b) {
     return a.x[0] * b.x[0] + a.x[1] * b.x[1] + a.x[2] * b.x[2];
 }
 
-static vec cross(vec a, vec b)
-{
+static vec cross(vec a, vec b) {
     vec r = {{a.x[1] * b.x[2] - a.x[2] * b.x[1], a.x[2] * b.x[0] - a.x[0] * b.x[2],
               a.x[0] * b.x[1] - a.x[1] * b.x[0]}};
     return r;
 }
 
-static double length(vec a)
-{
+static double length(vec a) {
     return sqrt(dot(a, a));
 }
 
-static vec unit(vec a)
-{
+static vec unit(vec a) {
     return scaled(a, 1.0 / length(a));
 }
 
-static line segment(vec p, vec q)
-{
+static line segment(vec p, vec q) {
     vec d = minus(q, p);
     double s = length(d);
     line l = {{{0, 0, 0}}, {{0, 0, 1}}, 0, 0};
     l.o = p;
     l.t1 = s;
-    if (s > 0) {
+    if (s > 0)
         l.u = scaled(d, 1.0 / s);
-    }
     return l;
 }
 
-static double clamp(double x, double low, double high)
-{
+static double clamp(double x, double low, double high) {
     return x < low ? low : x > high ? high : x;
 }
 
-static int inside(const scatter_box *box, vec x)
-{
+static int inside(const scatter_box *box, vec x) {
     vec a = from(box->min), b = from(box->max);
     int i, in = 1;
-    for (i = 0; i < 3; i++) {
+    for (i = 0; i < 3; i++)
         in = in && x.x[i] >= a.x[i] && x.x[i] <= b.x[i];
-    }
     return in;
 }
 
 /* Shortens the line to its part in the box; 0 if nothing is left. */
-static int clip(line *l, const scatter_box *box)
-{
+static int clip(line *l, const scatter_box *box) {
     vec a = from(box->min), b = from(box->max);
     int i;
     for (i = 0; i < 3; i++) {
         double o = l->o.x[i], u = l->u.x[i];
         if (u == 0) {
-            if (o < a.x[i] || o > b.x[i]) {
+            if (o < a.x[i] || o > b.x[i])
                 return 0;
-            }
         } else {
             double in = ((u > 0 ? a.x[i] : b.x[i]) - o) / u;
             double out = ((u > 0 ? b.x[i] : a.x[i]) - o) / u;
@@ -146,15 +131,15 @@ static int clip(line *l, const scatter_box *box)
     return l->t0 < l->t1;
 }
 
-/* ---------------------------------------------------------------------------------------- >>density */
+/* ----------------------------------------------------------------------------------------
+ * >>density */
 
-static double height_density(const scatter_height *h, double y)
-{
-    return h->density > 0 ? (double)h->density * exp(((double)h->y0 - y) / (double)h->scale) : 0.0;
+static double height_density(const scatter_height *h, double y) {
+    return h->density > 0 ? (double)h->density * exp(((double)h->y0 - y) / (double)h->scale)
+                          : 0.0;
 }
 
-static double gaussian_density(const scatter_gaussian *g, vec x)
-{
+static double gaussian_density(const scatter_gaussian *g, vec x) {
     vec d = minus(x, from(g->center));
     double a = (double)g->a;
     return (double)g->c * exp(-a * a * dot(d, d));
@@ -166,8 +151,7 @@ typedef struct lattice {
     vec low, rate; /* lattice = (x - low) rate - 1/2 */
 } lattice;
 
-static lattice lattice_of(const scatter_grid *g)
-{
+static lattice lattice_of(const scatter_grid *g) {
     vec high = from(g->box.max);
     lattice r;
     int i;
@@ -175,19 +159,16 @@ static lattice lattice_of(const scatter_grid *g)
     r.n[1] = g->ny;
     r.n[2] = g->nz;
     r.low = from(g->box.min);
-    for (i = 0; i < 3; i++) {
+    for (i = 0; i < 3; i++)
         r.rate.x[i] = r.n[i] / (high.x[i] - r.low.x[i]);
-    }
     return r;
 }
 
-static vec lattice_point(const lattice *r, vec x)
-{
+static vec lattice_point(const lattice *r, vec x) {
     vec q;
     int i;
-    for (i = 0; i < 3; i++) {
+    for (i = 0; i < 3; i++)
         q.x[i] = (x.x[i] - r->low.x[i]) * r->rate.x[i] - 0.5;
-    }
     return q;
 }
 
@@ -197,8 +178,7 @@ typedef struct cell {
     int n[3], empty;
 } cell;
 
-static cell cell_at(const scatter_grid *g, const lattice *r, vec q)
-{
+static cell cell_at(const scatter_grid *g, const lattice *r, vec q) {
     size_t low[3], high[3], nx = (size_t)g->nx, ny = (size_t)g->ny;
     cell c;
     int i;
@@ -221,75 +201,62 @@ static cell cell_at(const scatter_grid *g, const lattice *r, vec q)
     return c;
 }
 
-static double cell_value(const cell *c, vec q)
-{
+static double cell_value(const cell *c, vec q) {
     double f[3], v[4];
     int i;
-    for (i = 0; i < 3; i++) {
+    for (i = 0; i < 3; i++)
         f[i] = clamp(q.x[i], 0.0, (double)(c->n[i] - 1)) - c->base[i];
-    }
-    for (i = 0; i < 4; i++) {
+    for (i = 0; i < 4; i++)
         v[i] = c->value[2 * i] + f[0] * (c->value[2 * i + 1] - c->value[2 * i]);
-    }
     v[0] += f[1] * (v[1] - v[0]);
     v[2] += f[1] * (v[3] - v[2]);
     return v[0] + f[2] * (v[2] - v[0]);
 }
 
-static double grid_scale(const scatter_grid *g)
-{
+static double grid_scale(const scatter_grid *g) {
     return g->scale == 0.0f ? 1.0 : (double)g->scale;
 }
 
-static double grid_density(const scatter_grid *g, vec x)
-{
+static double grid_density(const scatter_grid *g, vec x) {
     lattice r = lattice_of(g);
     vec q = lattice_point(&r, x);
     cell c;
-    if (!inside(&g->box, x)) {
+    if (!inside(&g->box, x))
         return 0;
-    }
     c = cell_at(g, &r, q);
     return grid_scale(g) * cell_value(&c, q);
 }
 
-static double density(const scatter_medium *m, vec x)
-{
+static double density(const scatter_medium *m, vec x) {
     double d = (double)m->constant;
     size_t i;
-    if (m->bounded && !inside(&m->bounds, x)) {
+    if (m->bounded && !inside(&m->bounds, x))
         return 0;
-    }
-    for (i = 0; i < m->height_count; i++) {
+    for (i = 0; i < m->height_count; i++)
         d += height_density(&m->heights[i], x.x[1]);
-    }
-    for (i = 0; i < m->gaussian_count; i++) {
+    for (i = 0; i < m->gaussian_count; i++)
         d += gaussian_density(&m->gaussians[i], x);
-    }
-    for (i = 0; i < m->grid_count; i++) {
+    for (i = 0; i < m->grid_count; i++)
         d += grid_density(&m->grids[i], x);
-    }
     return d;
 }
 
-double reference_density(const scatter_medium *medium, scatter_vec3 x)
-{
+double reference_density(const scatter_medium *medium, scatter_vec3 x) {
     return density(medium, from(x));
 }
 
-/* ------------------------------------------------------------------------------------------ >>depth */
+/* ------------------------------------------------------------------------------------------
+ * >>depth */
 
-/* erf(y) - erf(x), x <= y, to nearly full relative precision: erfc in the tails, five Gauss-Legendre
-   points where the difference would cancel. */
-static double erf_difference(double x, double y)
-{
+/* erf(y) - erf(x), x <= y, to nearly full relative precision: erfc in the tails, five
+   Gauss-Legendre points where the difference would cancel. */
+static double erf_difference(double x, double y) {
     static const double node[3] = {0.0, 0.5384693101056831, 0.9061798459386640};
     static const double weight[3] = {0.5688888888888889, 0.4786286704993665, 0.2369268850561891};
     double h = 0.5 * (y - x), m = 0.5 * (x + y), sum;
     int i;
-    if (2 * h * (1 + fabs(x) + fabs(y)) > 0.1) {
+    if (2 * h * (1 + fabs(x) + fabs(y)) > 0.1)
         return x > 0 ? erfc(x) - erfc(y) : y < 0 ? erfc(-y) - erfc(-x) : erf(y) - erf(x);
-    }
     sum = weight[0] * exp(-m * m);
     for (i = 1; i < 3; i++) {
         double lo = m - h * node[i], hi = m + h * node[i];
@@ -304,8 +271,7 @@ typedef struct passage {
 } passage;
 
 /* All but the peak. */
-static passage approach(const scatter_gaussian *g, vec o, vec u)
-{
+static passage approach(const scatter_gaussian *g, vec o, vec u) {
     vec d = minus(from(g->center), o);
     passage p;
     p.a = (double)g->a;
@@ -316,33 +282,28 @@ static passage approach(const scatter_gaussian *g, vec o, vec u)
     return p;
 }
 
-static passage pass(const scatter_gaussian *g, vec o, vec u)
-{
+static passage pass(const scatter_gaussian *g, vec o, vec u) {
     passage p = approach(g, o, u);
     p.peak = (double)g->c * exp(-p.miss);
     return p;
 }
 
-static double passage_depth(const passage *p, double t0, double t1)
-{
+static double passage_depth(const passage *p, double t0, double t1) {
     double part = erf_difference(p->a * (t0 - p->m), p->a * (t1 - p->m));
     return p->peak * 0.5 * sqrt(PI) / p->a * part;
 }
 
-static double gaussian_depth(const scatter_gaussian *g, const line *l)
-{
+static double gaussian_depth(const scatter_gaussian *g, const line *l) {
     passage p = pass(g, l->o, l->u);
     return passage_depth(&p, l->t0, l->t1);
 }
 
 /* Counted from the lower end, so that exp(-y/scale) only falls. */
-static double height_depth(const scatter_height *h, const line *l)
-{
+static double height_depth(const scatter_height *h, const line *l) {
     double s = l->t1 - l->t0, dy = l->u.x[1], fall = fabs(dy) / (double)h->scale;
     double bottom = height_density(h, l->o.x[1] + dy * (dy > 0 ? l->t0 : dy < 0 ? l->t1 : 0));
-    if (bottom == 0) {
+    if (bottom == 0)
         return 0;
-    }
     return fall * s > 1e-300 ? bottom * -expm1(-fall * s) / fall : bottom * s;
 }
 
@@ -351,24 +312,21 @@ typedef struct walk {
     const scatter_grid *grid;
     lattice r;
     line l;
-    vec q0, dq;    /* lattice coordinates along the line: q0 + t dq */
-    int plane[3];  /* next plane to cross, per axis */
+    vec q0, dq;   /* lattice coordinates along the line: q0 + t dq */
+    int plane[3]; /* next plane to cross, per axis */
 } walk;
 
-static vec walk_point(const walk *w, double t)
-{
+static vec walk_point(const walk *w, double t) {
     return along(w->q0, w->dq, t);
 }
 
 /* 0 if the line misses the grid. */
-static int walk_begin(walk *w, const scatter_grid *g, const line *l)
-{
+static int walk_begin(walk *w, const scatter_grid *g, const line *l) {
     int i;
     w->grid = g;
     w->l = *l;
-    if (!clip(&w->l, &g->box)) {
+    if (!clip(&w->l, &g->box))
         return 0;
-    }
     w->r = lattice_of(g);
     w->q0 = lattice_point(&w->r, l->o);
     for (i = 0; i < 3; i++) {
@@ -381,8 +339,7 @@ static int walk_begin(walk *w, const scatter_grid *g, const line *l)
 }
 
 /* The next crossing after t, or the end of the walk. */
-static double walk_next(walk *w, double t)
-{
+static double walk_next(walk *w, double t) {
     double next = w->l.t1;
     int i, axis = -1;
     for (i = 0; i < 3; i++) {
@@ -392,32 +349,27 @@ static double walk_next(walk *w, double t)
             next = fmin(cross, next);
         }
     }
-    if (axis >= 0) {
+    if (axis >= 0)
         w->plane[axis] += w->dq.x[axis] > 0 ? 1 : -1;
-    }
     return fmax(next, t);
 }
 
-/* Depth of a piece without crossings: the density is a cubic of t, which two Gauss-Legendre points
-   integrate exactly. */
-static double walk_depth(const walk *w, double t0, double t1)
-{
+/* Depth of a piece without crossings: the density is a cubic of t, which two Gauss-Legendre
+   points integrate exactly. */
+static double walk_depth(const walk *w, double t0, double t1) {
     double m = 0.5 * (t0 + t1), h = 0.5 * (t1 - t0), s = h / sqrt(3.0);
     cell c = cell_at(w->grid, &w->r, walk_point(w, m));
-    if (c.empty) {
+    if (c.empty)
         return 0;
-    }
     return grid_scale(w->grid) * h *
            (cell_value(&c, walk_point(w, m - s)) + cell_value(&c, walk_point(w, m + s)));
 }
 
-static double grid_depth(const scatter_grid *g, const line *l)
-{
+static double grid_depth(const scatter_grid *g, const line *l) {
     walk w;
     double t, next, sum = 0;
-    if (!walk_begin(&w, g, l)) {
+    if (!walk_begin(&w, g, l))
         return 0;
-    }
     for (t = w.l.t0; t < w.l.t1; t = next) {
         next = walk_next(&w, t);
         sum += walk_depth(&w, t, next);
@@ -426,40 +378,32 @@ static double grid_depth(const scatter_grid *g, const line *l)
 }
 
 /* Constant and height fog. */
-static double fog_depth(const scatter_medium *m, const line *l)
-{
+static double fog_depth(const scatter_medium *m, const line *l) {
     double sum = m->constant > 0 ? (double)m->constant * (l->t1 - l->t0) : 0;
     size_t i;
-    for (i = 0; i < m->height_count; i++) {
+    for (i = 0; i < m->height_count; i++)
         sum += height_depth(&m->heights[i], l);
-    }
     return sum;
 }
 
-static double depth(const scatter_medium *m, line l)
-{
+static double depth(const scatter_medium *m, line l) {
     double sum;
     size_t i;
-    if ((m->bounded && !clip(&l, &m->bounds)) || !(l.t0 < l.t1)) {
+    if ((m->bounded && !clip(&l, &m->bounds)) || !(l.t0 < l.t1))
         return 0;
-    }
     sum = fog_depth(m, &l);
-    for (i = 0; i < m->gaussian_count; i++) {
+    for (i = 0; i < m->gaussian_count; i++)
         sum += gaussian_depth(&m->gaussians[i], &l);
-    }
-    for (i = 0; i < m->grid_count; i++) {
+    for (i = 0; i < m->grid_count; i++)
         sum += grid_depth(&m->grids[i], &l);
-    }
     return sum;
 }
 
-double reference_optical_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q)
-{
+double reference_optical_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q) {
     return depth(medium, segment(from(p), from(q)));
 }
 
-static line endless(vec o, vec u)
-{
+static line endless(vec o, vec u) {
     line l;
     l.o = o;
     l.u = u;
@@ -468,36 +412,37 @@ static line endless(vec o, vec u)
     return l;
 }
 
-double reference_source_depth(const scatter_medium *medium, const scatter_source *source, scatter_vec3 x)
-{
-    if (source->directional) {
+double reference_source_depth(const scatter_medium *medium, const scatter_source *source,
+                              scatter_vec3 x) {
+    if (source->directional)
         return depth(medium, endless(from(x), scaled(unit(from(source->direction)), -1.0)));
-    }
     return reference_optical_depth(medium, source->position, x);
 }
 
-/* ------------------------------------------------------------------------- >>depth by quadrature */
+/* ------------------------------------------------------------------------- >>depth by quadrature
+ */
 
 typedef struct probe {
     const scatter_medium *medium;
     line l;
 } probe;
 
-static double probe_density(double t, void *data)
-{
+typedef struct quadrature {
+    gsl_integration_workspace *smooth;
+    gsl_integration_cquad_workspace *rough;
+} quadrature;
+
+static double probe_density(double t, void *data) {
     const probe *p = data;
     return density(p->medium, along(p->l.o, p->l.u, t));
 }
 
-static void add_break(double *t, size_t *count, const line *l, double value)
-{
-    if (value > l->t0 && value < l->t1) {
+static void add_break(double *t, size_t *count, const line *l, double value) {
+    if (value > l->t0 && value < l->t1)
         t[(*count)++] = value;
-    }
 }
 
-static void box_breaks(double *t, size_t *count, const line *l, const scatter_box *box)
-{
+static void box_breaks(double *t, size_t *count, const line *l, const scatter_box *box) {
     line part = *l;
     if (clip(&part, box)) {
         add_break(t, count, l, part.t0);
@@ -505,71 +450,79 @@ static void box_breaks(double *t, size_t *count, const line *l, const scatter_bo
     }
 }
 
-static int compare(const void *a, const void *b)
-{
+static int compare(const void *a, const void *b) {
     double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
 
 /* Where adaptive quadrature could overlook or stumble over something: 5 per term at most. */
-static size_t probe_breaks(const probe *p, double *t)
-{
+static size_t probe_breaks(const probe *p, double *t) {
     const scatter_medium *m = p->medium;
     size_t i, count = 0;
     t[count++] = p->l.t0;
-    if (m->bounded) {
+    if (m->bounded)
         box_breaks(t, &count, &p->l, &m->bounds);
-    }
     for (i = 0; i < m->gaussian_count; i++) {
         passage g = pass(&m->gaussians[i], p->l.o, p->l.u);
         int k;
-        for (k = -2; k <= 2; k++) {
+        for (k = -2; k <= 2; k++)
             add_break(t, &count, &p->l, g.m + 3 * k / g.a);
-        }
     }
-    for (i = 0; i < m->grid_count; i++) {
+    for (i = 0; i < m->grid_count; i++)
         box_breaks(t, &count, &p->l, &m->grids[i].box);
-    }
     t[count++] = p->l.t1;
     qsort(t, count, sizeof *t, compare);
     return count;
 }
 
 /* GSL must not abort on a panel that rounding keeps from its tolerance. */
-static void quiet(void)
-{
+static void quiet(void) {
     gsl_set_error_handler_off();
 }
 
-double reference_optical_depth_adaptive(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q)
-{
-    static pthread_once_t once = PTHREAD_ONCE_INIT;
-    size_t i, count, most = 4 + 5 * medium->gaussian_count + 2 * medium->grid_count;
-    double *t = malloc(most * sizeof *t), sum = 0, part, error;
-    gsl_integration_workspace *space = gsl_integration_workspace_alloc(INTERVALS);
-    probe data;
+/* cquad copes with the kinks of voxels, qag with the steep tails of Gaussians. */
+static double probe_panel(probe *p, const quadrature *q, double t0, double t1) {
+    double sum = 0, error;
     gsl_function f;
-    pthread_once(&once, quiet);
-    data.medium = medium;
-    data.l = segment(from(p), from(q));
     f.function = probe_density;
-    f.params = &data;
-    count = t && space && data.l.t1 > 0 ? probe_breaks(&data, t) : 0;
-    for (i = 1; i < count; i++) {
-        gsl_integration_qag(&f, t[i - 1], t[i], 0, 1e-10, INTERVALS, GSL_INTEG_GAUSS21, space, &part,
+    f.params = p;
+    if (p->medium->grid_count > 0)
+        gsl_integration_cquad(&f, t0, t1, 0, 1e-11, q->rough, &sum, &error, NULL);
+    else
+        gsl_integration_qag(&f, t0, t1, 0, 1e-11, INTERVALS, GSL_INTEG_GAUSS21, q->smooth, &sum,
                             &error);
-        sum += part;
-    }
-    gsl_integration_workspace_free(space);
-    free(t);
-    return t && space ? sum : NAN;
+    return sum;
 }
 
-/* ------------------------------------------------------------------------------------------ >>phase */
+double reference_optical_depth_adaptive(const scatter_medium *medium, scatter_vec3 p,
+                                        scatter_vec3 q) {
+    static pthread_once_t once = PTHREAD_ONCE_INIT;
+    size_t i, count, most = 4 + 5 * medium->gaussian_count + 2 * medium->grid_count;
+    double *t = malloc(most * sizeof *t), sum = 0;
+    quadrature space;
+    probe data;
+    pthread_once(&once, quiet);
+    space.smooth = gsl_integration_workspace_alloc(INTERVALS);
+    space.rough = gsl_integration_cquad_workspace_alloc(INTERVALS);
+    data.medium = medium;
+    data.l = segment(from(p), from(q));
+    if (!t || !space.smooth || !space.rough)
+        sum = NAN;
+    count = sum == 0 && data.l.t1 > 0 ? probe_breaks(&data, t) : 0;
+    for (i = 1; i < count; i++)
+        sum += probe_panel(&data, &space, t[i - 1], t[i]);
+    gsl_integration_workspace_free(space.smooth);
+    gsl_integration_cquad_workspace_free(space.rough);
+    free(t);
+    return sum;
+}
 
-/* Draine 2003; alpha 0 is Henyey-Greenstein. 1 + g^2 - 2 g cos without cancellation near g = cos = 1. */
-static double draine(double g, double alpha, double cosine)
-{
+/* ------------------------------------------------------------------------------------------
+ * >>phase */
+
+/* Draine 2003; alpha 0 is Henyey-Greenstein. 1 + g^2 - 2 g cos without cancellation near g = cos
+ * = 1. */
+static double draine(double g, double alpha, double cosine) {
     double base = (1 - g) * (1 - g) + 2 * g * (1 - cosine);
     double norm = 4 * PI * (1 + alpha * (1 + 2 * g * g) / 3);
     return (1 - g * g) * (1 + alpha * cosine * cosine) / (norm * base * sqrt(base));
@@ -579,10 +532,9 @@ typedef struct droplets {
     double g_hg, g_draine, alpha, weight;
 } droplets;
 
-/* Jendersie and d'Eon 2023, "An approximate Mie scattering function for fog and cloud rendering"; the
-   diameter d in micrometres. */
-static droplets droplets_small(double d)
-{
+/* Jendersie and d'Eon 2023, "An approximate Mie scattering function for fog and cloud rendering";
+   the diameter d in micrometres. */
+static droplets droplets_small(double d) {
     droplets r;
     r.g_hg = 13.8 * d * d;
     r.g_draine = 1.1456 * d * sin(9.29044 * d);
@@ -591,8 +543,7 @@ static droplets droplets_small(double d)
     return r;
 }
 
-static droplets droplets_middle(double d)
-{
+static droplets droplets_middle(double d) {
     double s = log(d), wave = (s - 0.238604) * (s + 1.00667) / (0.507522 - 0.15677 * s);
     droplets r;
     r.g_hg = 0.862 - 0.143 * s * s;
@@ -602,8 +553,7 @@ static droplets droplets_middle(double d)
     return r;
 }
 
-static droplets droplets_large(double d)
-{
+static droplets droplets_large(double d) {
     double s = log(d);
     droplets r;
     r.g_hg = 0.0604931 * log(s) + 0.940256;
@@ -613,8 +563,7 @@ static droplets droplets_large(double d)
     return r;
 }
 
-static droplets droplets_fog(double d)
-{
+static droplets droplets_fog(double d) {
     droplets r;
     r.g_hg = exp(-0.0990567 / (d - 1.67154));
     r.g_draine = exp(-2.20679 / (d + 3.91029) - 0.428934);
@@ -623,17 +572,16 @@ static droplets droplets_fog(double d)
     return r;
 }
 
-static double droplets_phase(double d, double cosine)
-{
+static double droplets_phase(double d, double cosine) {
     droplets r = d <= 0.1  ? droplets_small(d)
                  : d < 1.5 ? droplets_middle(d)
                  : d < 5   ? droplets_large(d)
                            : droplets_fog(d);
-    return (1 - r.weight) * draine(r.g_hg, 0, cosine) + r.weight * draine(r.g_draine, r.alpha, cosine);
+    return (1 - r.weight) * draine(r.g_hg, 0, cosine) +
+           r.weight * draine(r.g_draine, r.alpha, cosine);
 }
 
-double reference_phase(const scatter_phase *phase, double cos_theta)
-{
+double reference_phase(const scatter_phase *phase, double cos_theta) {
     switch (phase->kind) {
     case SCATTER_PHASE_HG:
         return draine((double)phase->g, 0, cos_theta);
@@ -649,19 +597,19 @@ double reference_phase(const scatter_phase *phase, double cos_theta)
     return 1 / (4 * PI);
 }
 
-/* ----------------------------------------------------------------------------------------- >>lights */
+/* -----------------------------------------------------------------------------------------
+ * >>lights */
 
-static double transmit(double extinction, double tau)
-{
+static double transmit(double extinction, double tau) {
     return extinction > 0 ? exp(-extinction * tau) : 1.0;
 }
 
-static double channel(scatter_vec3 v, int c)
-{
+static double channel(scatter_vec3 v, int c) {
     return from(v).x[c];
 }
 
-/* A light as one ray sees it: t(u) = t0 + d sinh u for local lights, t = u for directional ones. */
+/* A light as one ray sees it: t(u) = t0 + d sinh u for local lights, t = u for directional ones.
+ */
 typedef struct lamp {
     const scatter_light *light;
     vec position; /* of a local light */
@@ -672,22 +620,19 @@ typedef struct lamp {
     double d;     /* 0 if directional */
 } lamp;
 
-static int is_local(const lamp *p)
-{
+static int is_local(const lamp *p) {
     return p->light->kind != SCATTER_LIGHT_DIRECTIONAL;
 }
 
-static lamp lamp_of(const scatter_light *light, const line *ray)
-{
+static lamp lamp_of(const scatter_light *light, const line *ray) {
     double radius = (double)light->radius;
     vec aside;
     lamp p;
     memset(&p, 0, sizeof p);
     p.light = light;
     p.position = from(light->position);
-    if (light->kind != SCATTER_LIGHT_POINT) {
+    if (light->kind != SCATTER_LIGHT_POINT)
         p.axis = unit(from(light->direction));
-    }
     aside = is_local(&p) ? minus(p.position, ray->o) : scaled(p.axis, -1.0);
     p.t0 = dot(aside, ray->u);
     aside = along(aside, ray->u, -p.t0);
@@ -698,29 +643,25 @@ static lamp lamp_of(const scatter_light *light, const line *ray)
     return p;
 }
 
-static double lamp_t(const lamp *p, double u)
-{
+static double lamp_t(const lamp *p, double u) {
     return p->d > 0 ? p->t0 + p->d * sinh(u) : u;
 }
 
-static double lamp_u(const lamp *p, double t)
-{
+static double lamp_u(const lamp *p, double t) {
     return p->d > 0 ? asinh((t - p->t0) / p->d) : t;
 }
 
-static double spot(const scatter_light *light, double cosine)
-{
+static double spot(const scatter_light *light, double cosine) {
     double full = cos((double)light->inner), none = cos((double)light->outer), s;
-    if (cosine >= full) {
+    if (cosine >= full)
         return 1;
-    }
     s = cosine <= none ? 0 : (cosine - none) / (full - none);
     return s * s * (3 - 2 * s);
 }
 
-/* The way from x to the light; returns the irradiance there in empty space per unit of intensity. */
-static double lamp_at(const lamp *p, vec x, line *way)
-{
+/* The way from x to the light; returns the irradiance there in empty space per unit of intensity.
+ */
+static double lamp_at(const lamp *p, vec x, line *way) {
     double r2, radius = (double)p->light->radius;
     if (!is_local(p)) {
         *way = endless(x, scaled(p->axis, -1.0));
@@ -728,23 +669,22 @@ static double lamp_at(const lamp *p, vec x, line *way)
     }
     *way = segment(x, p->position);
     r2 = way->t1 * way->t1 + radius * radius;
-    return (p->light->kind == SCATTER_LIGHT_SPOT ? spot(p->light, -dot(p->axis, way->u)) : 1) / r2;
+    return (p->light->kind == SCATTER_LIGHT_SPOT ? spot(p->light, -dot(p->axis, way->u)) : 1) /
+           r2;
 }
 
-static int lamp_visible(const scatter_scene *scene, const lamp *p, vec x)
-{
+static int lamp_visible(const scatter_scene *scene, const lamp *p, vec x) {
     vec target = is_local(p) ? p->position : along(x, p->axis, -1e6);
     return !scene->visible || scene->visible(scene->user, to_float(x), to_float(target));
 }
 
-/* Where the shadow of point b falls on the ray, and how much wider it is there; 0 if it falls elsewhere. */
-static int shadow_of(const lamp *p, const line *ray, vec b, double *t, double *width)
-{
+/* Where the shadow of point b falls on the ray, and how much wider it is there; 0 if it falls
+ * elsewhere. */
+static int shadow_of(const lamp *p, const line *ray, vec b, double *t, double *width) {
     vec d = minus(b, ray->o);
     double m = dot(d, ray->u), k = dot(d, p->aside), grow;
-    if (!(p->h > 1e-6) || k <= 0 || (is_local(p) && k >= p->h * 0.999)) {
+    if (!(p->h > 1e-6) || k <= 0 || (is_local(p) && k >= p->h * 0.999))
         return 0;
-    }
     if (!is_local(p)) {
         *t = m - k * p->slope;
         *width = 1 / p->h;
@@ -756,13 +696,18 @@ static int shadow_of(const lamp *p, const line *ray, vec b, double *t, double *w
     return 1;
 }
 
-/* ------------------------------------------------------------------------------------------- >>path */
+/* -------------------------------------------------------------------------------------------
+ * >>path */
 
 typedef struct memo {
     double u, k, tau;
 } memo;
 
 enum { MEMOS = 2048, PROBES = 512, VOXEL_PLANES = 48, SECTORS = 32 };
+
+typedef struct interval {
+    double low, high, value, error;
+} interval;
 
 /* A Gaussian in the plane of ray and light: along the ray, aside, and out of the plane, m. */
 typedef struct footprint {
@@ -774,7 +719,8 @@ typedef struct footprint {
 typedef struct path {
     const scatter_scene *scene;
     const scatter_medium *medium;
-    gsl_integration_workspace *space;
+    interval *intervals; /* of adaptive quadrature */
+    size_t interval_count, interval_limit;
     line l;             /* the ray inside the bounds */
     double begin, end;  /* the part of it with anything to integrate */
     double thin, dense; /* smallest and largest extinction of the channels that scatter */
@@ -785,22 +731,21 @@ typedef struct path {
     scatter_gaussian *near; /* those that can shade a sector of the ray, sector after sector */
     size_t near_start[SECTORS + 1], sectors;
     double near_u0, near_u1; /* the range of u that is cut into sectors */
-    walk *walks; /* grids on the ray */
+    walk *walks;             /* grids on the ray */
     size_t walk_count;
     double *crossing, *prefix; /* voxel planes on the ray, and the grids' depth up to them */
     size_t crossing_count;
     double *breaks, *points; /* of u */
     size_t break_count, break_limit;
-    double narrowest; /* half width of what the breaks are for, u */
+    double narrowest;         /* half width of what the breaks are for, u */
     double edges[2 * PROBES]; /* of shadows, u */
     size_t edge_count;
     memo memos[MEMOS];
 } path;
 
-static void path_free(path *p)
-{
+static void path_free(path *p) {
     if (p) {
-        gsl_integration_workspace_free(p->space);
+        free(p->intervals);
         free(p->passages);
         free(p->footprints);
         free(p->near);
@@ -814,24 +759,20 @@ static void path_free(path *p)
 }
 
 /* Room for the worst ray; NULL if out of memory. */
-static path *path_create(const scatter_scene *scene)
-{
-    static pthread_once_t once = PTHREAD_ONCE_INIT;
+static path *path_create(const scatter_scene *scene) {
     const scatter_medium *m = &scene->medium;
     size_t i, planes = 1;
     path *p = calloc(1, sizeof *p);
-    pthread_once(&once, quiet);
-    if (!p) {
+    if (!p)
         return NULL;
-    }
-    for (i = 0; i < m->grid_count; i++) {
+    for (i = 0; i < m->grid_count; i++)
         planes += 2 + (size_t)m->grids[i].nx + (size_t)m->grids[i].ny + (size_t)m->grids[i].nz;
-    }
     p->scene = scene;
     p->medium = m;
     p->sectors = m->gaussian_count < 64 ? 1 : SECTORS;
-    p->break_limit = 1000 + planes + 32 * (m->gaussian_count + m->height_count + m->grid_count);
-    p->space = gsl_integration_workspace_alloc(INTERVALS);
+    p->break_limit = 1000 + planes + 48 * (m->gaussian_count + m->height_count + m->grid_count);
+    p->interval_limit = p->break_limit + INTERVALS;
+    p->intervals = malloc(p->interval_limit * sizeof *p->intervals);
     p->passages = malloc((m->gaussian_count + 1) * sizeof *p->passages);
     p->footprints = malloc((m->gaussian_count + 1) * sizeof *p->footprints);
     p->near = malloc((p->sectors * m->gaussian_count + 1) * sizeof *p->near);
@@ -840,22 +781,20 @@ static path *path_create(const scatter_scene *scene)
     p->prefix = malloc(planes * sizeof *p->prefix);
     p->breaks = malloc(p->break_limit * sizeof *p->breaks);
     p->points = malloc((p->break_limit + 2) * sizeof *p->points);
-    if (!p->space || !p->passages || !p->footprints || !p->near || !p->walks || !p->crossing || !p->prefix || !p->breaks ||
-        !p->points) {
+    if (!p->intervals || !p->passages || !p->footprints || !p->near || !p->walks || !p->crossing ||
+        !p->prefix || !p->breaks || !p->points) {
         path_free(p);
         return NULL;
     }
     return p;
 }
 
-static void path_extend(path *p, double t0, double t1)
-{
+static void path_extend(path *p, double t0, double t1) {
     p->begin = fmin(p->begin, fmax(t0, p->l.t0));
     p->end = fmax(p->end, fmin(t1, p->l.t1));
 }
 
-static void path_gaussians(path *p)
-{
+static void path_gaussians(path *p) {
     size_t i;
     p->passage_count = 0;
     for (i = 0; i < p->medium->gaussian_count; i++) {
@@ -869,8 +808,7 @@ static void path_gaussians(path *p)
 }
 
 /* Depth of all grids between neighbouring crossings or less. */
-static double path_piece(const path *p, double t0, double t1)
-{
+static double path_piece(const path *p, double t0, double t1) {
     double sum = 0;
     size_t i;
     for (i = 0; i < p->walk_count; i++) {
@@ -881,8 +819,7 @@ static double path_piece(const path *p, double t0, double t1)
     return sum;
 }
 
-static void path_grids(path *p)
-{
+static void path_grids(path *p) {
     size_t i;
     double t;
     p->walk_count = p->crossing_count = 0;
@@ -891,9 +828,8 @@ static void path_grids(path *p)
         if (walk_begin(w, &p->medium->grids[i], &p->l)) {
             p->walk_count++;
             path_extend(p, w->l.t0, w->l.t1);
-            for (t = w->l.t0; t < w->l.t1; t = walk_next(w, t)) {
+            for (t = w->l.t0; t < w->l.t1; t = walk_next(w, t))
                 p->crossing[p->crossing_count++] = t;
-            }
             p->crossing[p->crossing_count++] = w->l.t1;
         }
     }
@@ -904,48 +840,40 @@ static void path_grids(path *p)
     }
 }
 
-static double path_grid_depth(const path *p, double t)
-{
+static double path_grid_depth(const path *p, double t) {
     size_t low = 0, high = p->crossing_count;
-    if (high == 0 || t <= p->crossing[0]) {
+    if (high == 0 || t <= p->crossing[0])
         return 0;
-    }
     while (high - low > 1) {
         size_t middle = low + (high - low) / 2;
-        if (p->crossing[middle] <= t) {
+        if (p->crossing[middle] <= t)
             low = middle;
-        } else {
+        else
             high = middle;
-        }
     }
     return p->prefix[low] + path_piece(p, p->crossing[low], t);
 }
 
-static double path_fog_depth(const path *p, double t)
-{
+static double path_fog_depth(const path *p, double t) {
     line l = p->l;
     l.t1 = t;
     return fog_depth(p->medium, &l);
 }
 
-static double path_depth(const path *p, double t)
-{
+static double path_depth(const path *p, double t) {
     double sum = path_fog_depth(p, t) + path_grid_depth(p, t);
     size_t i;
-    for (i = 0; i < p->passage_count; i++) {
+    for (i = 0; i < p->passage_count; i++)
         sum += passage_depth(&p->passages[i], p->l.t0, t);
-    }
     return sum;
 }
 
-static double path_density(const path *p, double t)
-{
+static double path_density(const path *p, double t) {
     const scatter_medium *m = p->medium;
     double sum = (double)m->constant, s;
     size_t i;
-    for (i = 0; i < m->height_count; i++) {
+    for (i = 0; i < m->height_count; i++)
         sum += height_density(&m->heights[i], p->l.o.x[1] + t * p->l.u.x[1]);
-    }
     for (i = 0; i < p->passage_count; i++) {
         s = p->passages[i].a * (t - p->passages[i].m);
         sum += p->passages[i].peak * exp(-s * s);
@@ -961,52 +889,43 @@ static double path_density(const path *p, double t)
     return sum;
 }
 
-static int has_fog(const scatter_medium *m)
-{
+static int has_fog(const scatter_medium *m) {
     size_t i;
     int any = m->constant > 0;
-    for (i = 0; i < m->height_count; i++) {
+    for (i = 0; i < m->height_count; i++)
         any = any || m->heights[i].density > 0;
-    }
     return any;
 }
 
 /* Where the depth of the fog alone reaches tau, at most at `high`. */
-static double fog_reaches(const path *p, double tau, double high)
-{
+static double fog_reaches(const path *p, double tau, double high) {
     double low = p->l.t0;
     int i;
-    if (path_fog_depth(p, high) <= tau) {
+    if (path_fog_depth(p, high) <= tau)
         return high;
-    }
     for (i = 0; i < 60; i++) {
         double middle = 0.5 * (low + high);
-        if (path_fog_depth(p, middle) < tau) {
+        if (path_fog_depth(p, middle) < tau)
             low = middle;
-        } else {
+        else
             high = middle;
-        }
     }
     return high;
 }
 
 /* Above this nothing is left of height fog: exp(-32) = 1e-14. */
-static double fog_top(const path *p)
-{
+static double fog_top(const path *p) {
     const scatter_medium *m = p->medium;
     double dy = p->l.u.x[1], top = p->l.t0;
     size_t i;
-    if (m->constant > 0 || dy <= 0) {
+    if (m->constant > 0 || dy <= 0)
         return INFINITY;
-    }
-    for (i = 0; i < m->height_count; i++) {
+    for (i = 0; i < m->height_count; i++)
         top = fmax(top, p->l.t0 + 32 * (double)m->heights[i].scale / dy);
-    }
     return top;
 }
 
-static void path_extinctions(path *p)
-{
+static void path_extinctions(path *p) {
     int c;
     p->thin = INFINITY;
     p->dense = 0;
@@ -1020,13 +939,11 @@ static void path_extinctions(path *p)
 }
 
 /* 0 if nothing on the ray scatters. */
-static int path_begin(path *p, const line *ray)
-{
+static int path_begin(path *p, const line *ray) {
     p->l = *ray;
     path_extinctions(p);
-    if (p->dense == 0 || (p->medium->bounded && !clip(&p->l, &p->medium->bounds))) {
+    if (p->dense == 0 || (p->medium->bounded && !clip(&p->l, &p->medium->bounds)))
         return 0;
-    }
     p->begin = INFINITY;
     p->end = -INFINITY;
     path_gaussians(p);
@@ -1038,10 +955,10 @@ static int path_begin(path *p, const line *ray)
     return p->begin < p->end;
 }
 
-/* ------------------------------------------------------------------------- >>source on the path */
+/* ------------------------------------------------------------------------- >>source on the path
+ */
 
-static footprint footprint_of(const path *p, const lamp *light, const scatter_gaussian *g)
-{
+static footprint footprint_of(const path *p, const lamp *light, const scatter_gaussian *g) {
     vec d = minus(from(g->center), p->l.o);
     footprint f;
     f.g = g;
@@ -1053,60 +970,53 @@ static footprint footprint_of(const path *p, const lamp *light, const scatter_ga
 }
 
 /* Signed distance of a footprint to the line of light that meets the ray at u. */
-static double beyond(const lamp *light, const footprint *f, double u)
-{
+static double beyond(const lamp *light, const footprint *f, double u) {
     double t = lamp_t(light, u), dx = is_local(light) ? light->t0 - t : light->t0, dy = light->h;
     double s = sqrt(dx * dx + dy * dy);
     return s > 0 ? ((f->m - t) * dy - f->k * dx) / s : 0;
 }
 
-static void find_footprints(path *p, const lamp *light)
-{
+static void find_footprints(path *p, const lamp *light) {
     size_t i;
     p->footprint_count = 0;
     for (i = 0; i < p->medium->gaussian_count; i++) {
         footprint f = footprint_of(p, light, &p->medium->gaussians[i]);
-        if (f.off < f.reach && f.k > -f.reach) {
+        if (f.off < f.reach && f.k > -f.reach)
             p->footprints[p->footprint_count++] = f;
-        }
     }
 }
 
 /* Sorts the Gaussians that can shade the ray into sectors of u. */
-static void select_near(path *p, const lamp *light)
-{
+static void select_near(path *p, const lamp *light) {
     size_t i, k, count = 0;
     p->near_u0 = lamp_u(light, p->begin);
     p->near_u1 = lamp_u(light, p->end);
     find_footprints(p, light);
     for (k = 0; k < p->sectors; k++) {
-        double step = (p->near_u1 - p->near_u0) / (double)p->sectors, u = p->near_u0 + step * (double)k;
+        double step = (p->near_u1 - p->near_u0) / (double)p->sectors,
+               u = p->near_u0 + step * (double)k;
         p->near_start[k] = count;
         for (i = 0; i < p->footprint_count; i++) {
             const footprint *f = &p->footprints[i];
-            if (beyond(light, f, u) > -f->reach && beyond(light, f, u + step) < f->reach) {
+            if (beyond(light, f, u) > -f->reach && beyond(light, f, u + step) < f->reach)
                 p->near[count++] = *f->g;
-            }
         }
     }
     p->near_start[p->sectors] = count;
 }
 
-static size_t sector_of(const path *p, double u)
-{
+static size_t sector_of(const path *p, double u) {
     double s = (u - p->near_u0) / (p->near_u1 - p->near_u0) * (double)p->sectors;
     return (size_t)clamp(s, 0.0, (double)p->sectors - 1);
 }
 
 /* depth() without the Gaussians that are far from the line; u says where on the ray it starts. */
-static double near_depth(const path *p, double u, line l)
-{
+static double near_depth(const path *p, double u, line l) {
     const scatter_medium *m = p->medium;
     size_t i, sector = sector_of(p, u);
     double sum;
-    if ((m->bounded && !clip(&l, &m->bounds)) || !(l.t0 < l.t1)) {
+    if ((m->bounded && !clip(&l, &m->bounds)) || !(l.t0 < l.t1))
         return 0;
-    }
     sum = fog_depth(m, &l);
     for (i = p->near_start[sector]; i < p->near_start[sector + 1]; i++) {
         passage g = approach(&p->near[i], l.o, l.u);
@@ -1116,16 +1026,14 @@ static double near_depth(const path *p, double u, line l)
             sum += passage_depth(&g, l.t0, l.t1);
         }
     }
-    for (i = 0; i < m->grid_count; i++) {
+    for (i = 0; i < m->grid_count; i++)
         sum += grid_depth(&m->grids[i], &l);
-    }
     return sum;
 }
 
-/* Of the light scattered at u towards the eye: colourless factor k (density, irradiance, phase function
-   and dt/du) and optical depth tau from the light over x to the eye. */
-static void source_at(const path *p, const lamp *light, double u, double *k, double *tau)
-{
+/* Of the light scattered at u towards the eye: colourless factor k (density, irradiance, phase
+   function and dt/du) and optical depth tau from the light over x to the eye. */
+static void source_at(const path *p, const lamp *light, double u, double *k, double *tau) {
     double t = clamp(lamp_t(light, u), p->l.t0, p->l.t1), eye = path_depth(p, t);
     vec x = along(p->l.o, p->l.u, t);
     line way;
@@ -1146,8 +1054,7 @@ typedef struct integrand {
 } integrand;
 
 /* Colours mostly ask for the same points one after the other. */
-static double integrand_at(double u, void *data)
-{
+static double integrand_at(double u, void *data) {
     integrand *f = data;
     uint64_t bits;
     memo *m;
@@ -1160,61 +1067,52 @@ static double integrand_at(double u, void *data)
     return m->k == 0 ? 0 : m->k * transmit(f->extinction, m->tau);
 }
 
-static void forget(path *p)
-{
+static void forget(path *p) {
     size_t i;
-    for (i = 0; i < MEMOS; i++) {
+    for (i = 0; i < MEMOS; i++)
         p->memos[i].u = NAN;
-    }
 }
 
-/* ----------------------------------------------------------------------------------------- >>breaks */
+/* -----------------------------------------------------------------------------------------
+ * >>breaks */
 
-static int has_voxels(const path *p)
-{
+static int has_voxels(const path *p) {
     return p->crossing_count > VOXEL_PLANES;
 }
 
-static void break_at(path *p, const lamp *light, double t)
-{
-    if (t > p->begin && t < p->end && p->break_count < p->break_limit) {
+static void break_at(path *p, const lamp *light, double t) {
+    if (t > p->begin && t < p->end && p->break_count < p->break_limit)
         p->breaks[p->break_count++] = lamp_u(light, t);
-    }
 }
 
 /* Something of half width w around t, if quadrature of the whole range could overlook it. */
-static void break_around(path *p, const lamp *light, double t, double w)
-{
+static void break_around(path *p, const lamp *light, double t, double w) {
     double range = lamp_u(light, p->end) - lamp_u(light, p->begin);
     double wide = lamp_u(light, t + w) - lamp_u(light, t - w);
-    int k, steps = has_voxels(p) ? 6 : 1;
-    if (wide < range / (has_voxels(p) ? 4 : 8)) {
+    int k, steps = has_voxels(p) ? 10 : 1;
+    if (wide < range / (has_voxels(p) ? 2 : 4)) {
         p->narrowest = fmin(p->narrowest, wide / 2);
-        for (k = -steps; k <= steps; k++) {
+        for (k = -steps; k <= steps; k++)
             break_at(p, light, t + w * k / steps);
-        }
     }
 }
 
-static void break_gaussians(path *p, const lamp *light)
-{
+static void break_gaussians(path *p, const lamp *light) {
     size_t i;
     double t, width;
-    for (i = 0; i < p->passage_count; i++) {
-        break_around(p, light, p->passages[i].m, 3 / p->passages[i].a);
-    }
+    p->narrowest = INFINITY;
+    for (i = 0; i < p->passage_count; i++)
+        break_around(p, light, p->passages[i].m, sqrt(NEGLIGIBLE) / p->passages[i].a);
     for (i = 0; i < p->footprint_count; i++) {
         const scatter_gaussian *g = p->footprints[i].g;
         if (p->dense * (double)g->c / (double)g->a > 1e-9 &&
-            shadow_of(light, &p->l, from(g->center), &t, &width)) {
-            break_around(p, light, t, 3 / (double)g->a * width);
-        }
+            shadow_of(light, &p->l, from(g->center), &t, &width))
+            break_around(p, light, t, sqrt(NEGLIGIBLE) / (double)g->a * width);
     }
 }
 
 /* Edges of the box bend the depth from the light where the plane of ray and light cuts them. */
-static void break_edges(path *p, const lamp *light, const scatter_box *box)
-{
+static void break_edges(path *p, const lamp *light, const scatter_box *box) {
     vec corner[2], normal = cross(p->l.u, light->aside), b, d;
     double s, t, width;
     int axis, k;
@@ -1228,30 +1126,25 @@ static void break_edges(path *p, const lamp *light, const scatter_box *box)
             d = minus(p->l.o, b);
             s = dot(normal, d) / normal.x[axis];
             b.x[axis] += s;
-            if (s >= 0 && b.x[axis] <= corner[1].x[axis] && shadow_of(light, &p->l, b, &t, &width)) {
+            if (s >= 0 && b.x[axis] <= corner[1].x[axis] &&
+                shadow_of(light, &p->l, b, &t, &width))
                 break_at(p, light, t);
-            }
         }
     }
 }
 
-static void break_boxes(path *p, const lamp *light)
-{
+static void break_boxes(path *p, const lamp *light) {
     size_t i;
-    if (p->medium->bounded) {
+    if (p->medium->bounded)
         break_edges(p, light, &p->medium->bounds);
-    }
-    for (i = 0; i < p->medium->grid_count; i++) {
+    for (i = 0; i < p->medium->grid_count; i++)
         break_edges(p, light, &p->medium->grids[i].box);
-    }
-    for (i = 0; i < p->crossing_count; i++) {
+    for (i = 0; i < p->crossing_count; i++)
         break_at(p, light, p->crossing[i]);
-    }
 }
 
 /* Layers: where fog closes the view, and where height fog begins to matter. */
-static void break_fog(path *p, const lamp *light)
-{
+static void break_fog(path *p, const lamp *light) {
     static const double level[5] = {1e-4, 1e-2, 0.3, 2, 8};
     const scatter_medium *m = p->medium;
     double dy = p->l.u.x[1];
@@ -1266,12 +1159,12 @@ static void break_fog(path *p, const lamp *light)
         break_at(p, light, bottom + s);
         break_at(p, light, bottom + 4 * s);
         break_at(p, light, bottom + 12 * s);
+        break_at(p, light, bottom + 32 * s);
     }
 }
 
 /* Where the ray meets the cone of that half-angle. */
-static void break_cone(path *p, const lamp *light, double angle)
-{
+static void break_cone(path *p, const lamp *light, double angle) {
     vec w = minus(p->l.o, light->position);
     double c2 = cos(angle) * cos(angle), a = dot(light->axis, p->l.u), b = dot(light->axis, w);
     double q2 = a * a - c2, q1 = a * b - c2 * dot(p->l.u, w), q0 = b * b - c2 * dot(w, w);
@@ -1282,69 +1175,57 @@ static void break_cone(path *p, const lamp *light, double angle)
     }
 }
 
-/* Drops the breaks that come too close to the one before. */
-static void thin_breaks(path *p, double smallest)
-{
-    size_t i, kept = 1;
-    for (i = 1; i < p->break_count; i++) {
-        if (p->breaks[i] - p->breaks[kept - 1] > smallest) {
+/* Sorts the breaks from `first` on and drops those that come too close to the one before. */
+static void thin_breaks(path *p, size_t first, double smallest) {
+    size_t i, kept = first + 1;
+    qsort(p->breaks + first, p->break_count - first, sizeof *p->breaks, compare);
+    for (i = kept; i < p->break_count; i++)
+        if (p->breaks[i] - p->breaks[kept - 1] > smallest)
             p->breaks[kept++] = p->breaks[i];
-        }
-    }
-    p->breaks[kept - 1] = p->breaks[p->break_count - 1];
-    p->break_count = kept;
+    p->break_count = p->break_count > kept ? kept : p->break_count;
 }
 
 /* Fills p->breaks from the begin to the end of the path, ascending in u. */
-static void find_breaks(path *p, const lamp *light)
-{
+static void find_breaks(path *p, const lamp *light) {
     double low = lamp_u(light, p->begin), high = lamp_u(light, p->end);
     int i, parts = has_voxels(p) ? 64 : 4;
     p->break_count = 0;
-    p->narrowest = high - low;
-    for (i = 0; i <= parts; i++) {
+    break_gaussians(p, light);
+    if (p->break_count > 64 && !has_voxels(p)) /* many: as fine as the narrowest is enough */
+        thin_breaks(p, 0, fmax(0.7 * p->narrowest, 1e-3 * (high - low)));
+    for (i = 0; i <= parts; i++)
         p->breaks[p->break_count++] = low + (high - low) * i / parts;
-    }
     break_boxes(p, light);
     break_fog(p, light);
-    break_gaussians(p, light);
-    if (is_local(light)) {
+    if (is_local(light))
         break_at(p, light, light->t0);
-    }
     if (light->light->kind == SCATTER_LIGHT_SPOT) {
         break_cone(p, light, (double)light->light->inner);
         break_cone(p, light, (double)light->light->outer);
     }
-    qsort(p->breaks, p->break_count, sizeof *p->breaks, compare);
-    thin_breaks(p, 1e-13 * (high - low));
-    if (p->break_count > 64 && !has_voxels(p)) {
-        thin_breaks(p, fmax(0.7 * p->narrowest, 1e-3 * (high - low)));
-    }
+    thin_breaks(p, 0, 1e-13 * (high - low));
 }
 
-static int visible_at(const path *p, const lamp *light, double u)
-{
+static int visible_at(const path *p, const lamp *light, double u) {
     return lamp_visible(p->scene, light, along(p->l.o, p->l.u, lamp_t(light, u)));
 }
 
 /* Where between low and high the visibility changes. */
-static double find_edge(const path *p, const lamp *light, double low, double high)
-{
+static double find_edge(const path *p, const lamp *light, double low, double high) {
     int i, seen = visible_at(p, light, low);
     for (i = 0; i < 40; i++) {
         double middle = 0.5 * (low + high);
-        if (visible_at(p, light, middle) == seen) {
+        if (visible_at(p, light, middle) == seen)
             low = middle;
-        } else {
+        else
             high = middle;
-        }
     }
     return 0.5 * (low + high);
 }
 
-/* Collects the places where the visibility of the light changes; returns the visibility at the start. */
-static int find_edges(path *p, const lamp *light)
-{
+/* Collects the places where the visibility of the light changes; returns the visibility at the
+ * start. */
+static int find_edges(path *p, const lamp *light) {
     size_t k, per = PROBES / (p->break_count - 1);
     double before = p->breaks[0];
     int start = visible_at(p, light, before), seen = start;
@@ -1355,39 +1236,81 @@ static int find_edges(path *p, const lamp *light)
         double step = (p->breaks[panel + 1] - p->breaks[panel]) / (double)per;
         double u = p->breaks[panel] + step * ((double)((k - 1) % per) + 0.5);
         int now = visible_at(p, light, u);
-        if (now != seen && p->edge_count < 2 * PROBES) {
+        if (now != seen && p->edge_count < 2 * PROBES)
             p->edges[p->edge_count++] = find_edge(p, light, before, u);
-        }
         seen = now;
         before = u;
     }
     return start;
 }
 
-/* -------------------------------------------------------------------------------------------- >>ray */
+/* --------------------------------------------------------------------------------------------
+ * >>ray */
 
 /* Breaks from low to high, both included, into p->points. */
-static size_t run_points(path *p, double low, double high)
-{
+static size_t run_points(path *p, double low, double high) {
     size_t i, count = 0;
     p->points[count++] = low;
-    for (i = 0; i < p->break_count; i++) {
-        if (p->breaks[i] > low && p->breaks[i] < high) {
+    for (i = 0; i < p->break_count; i++)
+        if (p->breaks[i] > low && p->breaks[i] < high)
             p->points[count++] = p->breaks[i];
-        }
-    }
     p->points[count++] = high;
     return count;
 }
 
-static int scatters(const path *p, int c)
-{
+static int scatters(const path *p, int c) {
     return channel(p->medium->extinction, c) > 0 && channel(p->medium->albedo, c) > 0;
 }
 
-static void run_adaptive(path *p, const lamp *light, size_t count, double sum[3])
-{
-    double error, value[3] = {0, 0, 0};
+/* Gauss-Kronrod on one interval. */
+static interval estimate(gsl_function *f, double low, double high) {
+    double absolute, deviation;
+    interval i;
+    i.low = low;
+    i.high = high;
+    gsl_integration_qk21(f, low, high, &i.value, &i.error, &absolute, &deviation);
+    return i;
+}
+
+/* Halves the worst interval; one that cannot be halved any more is taken as it is. */
+static void refine(path *p, gsl_function *f) {
+    size_t i, worst = 0;
+    interval *w;
+    double middle;
+    for (i = 1; i < p->interval_count; i++)
+        worst = p->intervals[i].error > p->intervals[worst].error ? i : worst;
+    w = &p->intervals[worst];
+    middle = 0.5 * (w->low + w->high);
+    if (middle - w->low < 1e-13 * (fabs(w->low) + fabs(w->high))) {
+        w->error = 0;
+        return;
+    }
+    p->intervals[p->interval_count++] = estimate(f, middle, w->high);
+    *w = estimate(f, w->low, middle);
+}
+
+/* The integral of f over p->points to a relative 1e-8. Not gsl_integration_qagp: its extrapolation
+   sometimes converges to a false value. */
+static double adaptive(path *p, gsl_function *f, size_t count) {
+    double value, error;
+    size_t i;
+    for (i = 1; i < count; i++)
+        p->intervals[i - 1] = estimate(f, p->points[i - 1], p->points[i]);
+    p->interval_count = count - 1;
+    for (;;) {
+        value = error = 0;
+        for (i = 0; i < p->interval_count; i++) {
+            value += p->intervals[i].value;
+            error += p->intervals[i].error;
+        }
+        if (error <= 1e-8 * value || p->interval_count == p->interval_limit)
+            return value;
+        refine(p, f);
+    }
+}
+
+static void run_adaptive(path *p, const lamp *light, size_t count, double sum[3]) {
+    double value[3] = {0, 0, 0};
     integrand data;
     gsl_function f;
     int c, same;
@@ -1397,20 +1320,18 @@ static void run_adaptive(path *p, const lamp *light, size_t count, double sum[3]
     f.params = &data;
     for (c = 0; c < 3; c++) {
         data.extinction = channel(p->medium->extinction, c);
-        for (same = 0; same < c && channel(p->medium->extinction, same) != data.extinction; same++) {
-        }
-        if (same < c && scatters(p, same)) {
+        for (same = 0; channel(p->medium->extinction, same) != data.extinction; same++)
+            ;
+        if (same < c && scatters(p, same))
             value[c] = value[same];
-        } else if (scatters(p, c)) {
-            gsl_integration_qagp(&f, p->points, count, 0, 1e-8, INTERVALS, p->space, &value[c], &error);
-        }
+        else if (scatters(p, c))
+            value[c] = adaptive(p, &f, count);
         sum[c] += value[c];
     }
 }
 
 /* Four Gauss-Legendre points between u0 and u1. */
-static void panel(const path *p, const lamp *light, double u0, double u1, double sum[3])
-{
+static void panel(const path *p, const lamp *light, double u0, double u1, double sum[3]) {
     static const double node[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
                                    0.8611363115940526};
     static const double weight[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
@@ -1419,15 +1340,13 @@ static void panel(const path *p, const lamp *light, double u0, double u1, double
     int j, c;
     for (j = 0; j < 4; j++) {
         source_at(p, light, m + h * node[j], &k, &tau);
-        for (c = 0; c < 3 && k > 0; c++) {
+        for (c = 0; c < 3 && k > 0; c++)
             sum[c] += h * weight[j] * k * transmit(channel(p->medium->extinction, c), tau);
-        }
     }
 }
 
 /* Panels from one crossing to the next, finer where a cell is opaque. */
-static void run_voxels(path *p, const lamp *light, size_t count, double sum[3])
-{
+static void run_voxels(path *p, const lamp *light, size_t count, double sum[3]) {
     double before = path_depth(p, lamp_t(light, p->points[0])), after;
     size_t i;
     int k, parts;
@@ -1435,34 +1354,29 @@ static void run_voxels(path *p, const lamp *light, size_t count, double sum[3])
         double u = p->points[i - 1], step = p->points[i] - u;
         after = path_depth(p, lamp_t(light, p->points[i]));
         parts = 1 + (int)fmin(32.0, 4 * p->dense * (after - before));
-        for (k = 0; k < parts; k++) {
+        for (k = 0; k < parts; k++)
             panel(p, light, u + step * k / parts, u + step * (k + 1) / parts, sum);
-        }
     }
 }
 
-static void run(path *p, const lamp *light, double low, double high, double sum[3])
-{
+static void run(path *p, const lamp *light, double low, double high, double sum[3]) {
     size_t count;
     if (low < high) {
         count = run_points(p, low, high);
-        if (has_voxels(p)) {
+        if (has_voxels(p))
             run_voxels(p, light, count, sum);
-        } else {
+        else
             run_adaptive(p, light, count, sum);
-        }
     }
 }
 
-static double scattering(const path *p, const lamp *light, int c)
-{
+static double scattering(const path *p, const lamp *light, int c) {
     return channel(p->medium->extinction, c) * channel(p->medium->albedo, c) *
            channel(light->light->intensity, c);
 }
 
 /* Adds the light of one lamp that the medium scatters to the origin. */
-static void add_scattered(path *p, const scatter_light *light, double rgb[3])
-{
+static void add_scattered(path *p, const scatter_light *light, double rgb[3]) {
     lamp l = lamp_of(light, &p->l);
     double start, sum[3] = {0, 0, 0};
     int c, seen;
@@ -1470,41 +1384,40 @@ static void add_scattered(path *p, const scatter_light *light, double rgb[3])
     forget(p);
     select_near(p, &l);
     find_breaks(p, &l);
+    if (p->break_count < 2) /* so short that rounding leaves nothing of it */
+        return;
     seen = find_edges(p, &l);
     start = p->breaks[0];
     for (i = 0; i <= p->edge_count; i++) {
         double stop = i < p->edge_count ? p->edges[i] : p->breaks[p->break_count - 1];
-        if (seen) {
+        if (seen)
             run(p, &l, start, stop, sum);
-        }
         start = stop;
         seen = !seen;
     }
-    for (c = 0; c < 3; c++) {
+    for (c = 0; c < 3; c++)
         rgb[c] += sum[c] * scattering(p, &l, c);
-    }
 }
 
 /* The integral of D exp(-sigma tau) over the whole ray is (1 - exp(-sigma tau)) / sigma. */
-static double emitted(const scatter_medium *m, int c, double tau)
-{
+static double emitted(const scatter_medium *m, int c, double tau) {
     double e = channel(m->emission, c), extinction = channel(m->extinction, c);
     return e == 0 ? 0 : extinction > 0 ? e * -expm1(-extinction * tau) / extinction : e * tau;
 }
 
-/* ---------------------------------------------------------------------------------------- >>surface */
+/* ----------------------------------------------------------------------------------------
+ * >>surface */
 
 /* Lambert plus Phong, 1/sr. */
-static double reflectance(const scatter_surface *s, vec to_eye, vec to_light, int c)
-{
+static double reflectance(const scatter_surface *s, vec to_eye, vec to_light, int c) {
     vec n = from(s->normal), mirror = minus(scaled(n, 2 * dot(n, to_light)), to_light);
     double shininess = (double)s->shininess, cosine = dot(mirror, to_eye);
     double phong = cosine > 0 ? (shininess + 2) / (2 * PI) * pow(cosine, shininess) : 0;
     return channel(s->albedo, c) / PI + channel(s->specular, c) * phong;
 }
 
-static void shade(const scatter_scene *scene, const scatter_surface *s, vec x, vec to_eye, double rgb[3])
-{
+static void shade(const scatter_scene *scene, const scatter_surface *s, vec x, vec to_eye,
+                  double rgb[3]) {
     size_t i;
     int c;
     rgb[0] = rgb[1] = rgb[2] = 0;
@@ -1523,8 +1436,7 @@ static void shade(const scatter_scene *scene, const scatter_surface *s, vec x, v
 }
 
 /* Ends the ray at a surface and says what leaves it, or says the background. */
-static void find_surface(const scatter_scene *scene, line *ray, double rgb[3])
-{
+static void find_surface(const scatter_scene *scene, line *ray, double rgb[3]) {
     scatter_surface hit;
     int c;
     memset(&hit, 0, sizeof hit);
@@ -1533,13 +1445,12 @@ static void find_surface(const scatter_scene *scene, line *ray, double rgb[3])
         shade(scene, &hit, along(ray->o, ray->u, ray->t1), scaled(ray->u, -1.0), rgb);
         return;
     }
-    for (c = 0; c < 3; c++) {
+    for (c = 0; c < 3; c++)
         rgb[c] = channel(scene->background, c);
-    }
 }
 
-static void radiance(path *p, line ray, double rgb[3], double transmittance[3], double surface[3])
-{
+static void radiance(path *p, line ray, double rgb[3], double transmittance[3],
+                     double surface[3]) {
     const scatter_scene *scene = p->scene;
     double tau;
     size_t i;
@@ -1550,36 +1461,31 @@ static void radiance(path *p, line ray, double rgb[3], double transmittance[3], 
         transmittance[c] = transmit(channel(scene->medium.extinction, c), tau);
         rgb[c] = emitted(&scene->medium, c, tau);
     }
-    if (scene->light_count > 0 && path_begin(p, &ray)) {
-        for (i = 0; i < scene->light_count; i++) {
+    if (scene->light_count > 0 && path_begin(p, &ray))
+        for (i = 0; i < scene->light_count; i++)
             add_scattered(p, &scene->lights[i], rgb);
-        }
-    }
 }
 
 int reference_radiance(const scatter_scene *scene, const scatter_ray *ray, double rgb_medium[3],
-                       double transmittance[3], double surface[3])
-{
+                       double transmittance[3], double surface[3]) {
     double value[3][3];
     path *p = path_create(scene);
-    if (!p) {
+    if (!p)
         return -1;
-    }
-    radiance(p, endless(from(ray->origin), unit(from(ray->direction))), value[0], value[1], value[2]);
+    radiance(p, endless(from(ray->origin), unit(from(ray->direction))), value[0], value[1],
+             value[2]);
     path_free(p);
-    if (rgb_medium) {
+    if (rgb_medium)
         memcpy(rgb_medium, value[0], sizeof value[0]);
-    }
-    if (transmittance) {
+    if (transmittance)
         memcpy(transmittance, value[1], sizeof value[1]);
-    }
-    if (surface) {
+    if (surface)
         memcpy(surface, value[2], sizeof value[2]);
-    }
     return 0;
 }
 
-/* ------------------------------------------------------------------------------------------ >>image */
+/* ------------------------------------------------------------------------------------------
+ * >>image */
 
 typedef struct image {
     const scatter_scene *scene;
@@ -1589,30 +1495,27 @@ typedef struct image {
     pthread_mutex_t lock;
 } image;
 
-static line pixel_ray(const image *im, int x, int y)
-{
+static line pixel_ray(const image *im, int x, int y) {
     const scatter_view *v = im->view;
     double sx = (x + 0.5) / im->width, sy = (y + 0.5) / im->height;
     vec o = along(along(from(v->origin), from(v->origin_dx), sx), from(v->origin_dy), sy);
-    vec d = along(along(from(v->direction), from(v->direction_dx), sx), from(v->direction_dy), sy);
+    vec d =
+        along(along(from(v->direction), from(v->direction_dx), sx), from(v->direction_dy), sy);
     return endless(o, unit(d));
 }
 
-static void image_row(const image *im, path *p, int y)
-{
+static void image_row(const image *im, path *p, int y) {
     double rgb[3], transmittance[3], surface[3];
     int x, c;
     for (x = 0; x < im->width; x++) {
         float *out = im->rgb + 3 * ((size_t)y * (size_t)im->width + (size_t)x);
         radiance(p, pixel_ray(im, x, y), rgb, transmittance, surface);
-        for (c = 0; c < 3; c++) {
+        for (c = 0; c < 3; c++)
             out[c] = (float)(rgb[c] + transmittance[c] * surface[c]);
-        }
     }
 }
 
-static int take_row(image *im, int failed)
-{
+static int take_row(image *im, int failed) {
     int row;
     pthread_mutex_lock(&im->lock);
     im->failed = im->failed || failed;
@@ -1621,21 +1524,18 @@ static int take_row(image *im, int failed)
     return row;
 }
 
-static void *image_worker(void *data)
-{
+static void *image_worker(void *data) {
     image *im = data;
     path *p = path_create(im->scene);
     int y;
-    for (y = take_row(im, !p); p && y < im->height; y = take_row(im, 0)) {
+    for (y = take_row(im, !p); p && y < im->height; y = take_row(im, 0))
         image_row(im, p, y);
-    }
     path_free(p);
     return NULL;
 }
 
-int reference_image(const scatter_scene *scene, const scatter_view *view, int width, int height, float *rgb,
-                    int threads)
-{
+int reference_image(const scatter_scene *scene, const scatter_view *view, int width, int height,
+                    float *rgb, int threads) {
     enum { MOST = 64 };
     pthread_t helper[MOST];
     image im;
@@ -1647,13 +1547,12 @@ int reference_image(const scatter_scene *scene, const scatter_view *view, int wi
     im.height = height;
     im.rgb = rgb;
     pthread_mutex_init(&im.lock, NULL);
-    while (count < threads - 1 && count < MOST && !pthread_create(&helper[count], NULL, image_worker, &im)) {
+    while (count < threads - 1 && count < MOST &&
+           !pthread_create(&helper[count], NULL, image_worker, &im))
         count++;
-    }
     image_worker(&im);
-    for (i = 0; i < count; i++) {
+    for (i = 0; i < count; i++)
         pthread_join(helper[i], NULL);
-    }
     pthread_mutex_destroy(&im.lock);
     return im.failed ? -1 : 0;
 }

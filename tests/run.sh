@@ -11,10 +11,16 @@ unset MAKEFLAGS MFLAGS MAKELEVEL
 export LC_ALL=C
 STEPS="counting unit_gcc unit_clang sanitize m32 compile symbols names tcc mingw glsl readme"
 STEPS="$STEPS install fuzz"
-STRICT="-pedantic -Wall -Wextra -Wconversion -Wshadow -Wundef -Werror"
 JOBS=$(nproc)
 OUT=build/test
 PLANTED=$OUT/planted # copies of project files with a fault in them
+
+# setting NAME: what the Makefile sets NAME to.
+setting() { sed -n "s/^$1 = //p" Makefile; }
+SUITES=$(setting SUITES)
+SANITIZE=$(setting SANITIZE)
+WARNINGS="$(setting WARNINGS) -Werror"
+
 passed=0 failed=0 skipped=0
 
 # ---------------------------------------------------------------------------------- counting
@@ -76,16 +82,13 @@ gather() {
 
 # -------------------------------------------------------------------------------- unit tests
 
-SUITES="test_core test_reference test_scene test_medium test_depth test_ray test_api"
-
 # suites NAME "SUITE..." VARIABLE=VALUE...: builds the suites with make, runs them and counts.
 suites() {
     local build=$OUT/$1 list=$2 log logs
     shift 2
     logs=$(printf "$build/%s.log " $list)
     rm -f $logs
-    make -k -j"$JOBS" BUILD="$build" WARNINGS="$STRICT -Wstrict-prototypes" "$@" $logs \
-        >"$build.log" 2>&1 ||
+    make -k -j"$JOBS" BUILD="$build" WARNINGS="$WARNINGS" "$@" $logs >"$build.log" 2>&1 ||
         grep -Ei '(error|warning):' "$build.log" | head -n 20 | sed 's/^/    /'
     for log in $logs; do count_log "$log"; done
 }
@@ -121,13 +124,12 @@ step_unit_clang() { suites clang "$SUITES" CC=clang; }
 
 title_sanitize="unit tests, ASan and UBSan"
 step_sanitize() {
-    local flags="-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
-    suites sanitize "$SUITES" CC=clang CFLAGS="$flags"
+    suites sanitize "$SUITES" CC=clang CFLAGS="-O1 -g $SANITIZE"
     echo '#include <stdlib.h>
         int main(int n, char **v) { return v && ((char *)malloc(4))[n + 3]; }' >"$PLANTED/heap.c"
     echo 'int main(int n, char **v) { return v && 2147483647 + n > 0; }' >"$PLANTED/overflow.c"
-    clang $flags "$PLANTED/heap.c" -o "$PLANTED/heap"
-    clang $flags "$PLANTED/overflow.c" -o "$PLANTED/overflow"
+    clang $SANITIZE "$PLANTED/heap.c" -o "$PLANTED/heap"
+    clang $SANITIZE "$PLANTED/overflow.c" -o "$PLANTED/overflow"
     refuse "sanitizer: read past a block" heap-buffer-overflow "$PLANTED/heap"
     refuse "sanitizer: integer overflow" "signed integer overflow" "$PLANTED/overflow"
 }

@@ -43,8 +43,8 @@ get() {
 
 install() {
     [ $# -gt 0 ] || return 0
-    echo "setup: installing $*"
-    if can_be_root && get update && get install --no-install-recommends "$@"; then
+    if can_be_root && echo "setup: installing $*" && get update &&
+        get install --no-install-recommends "$@"; then
         echo "setup: installed"
         return 0
     fi
