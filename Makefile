@@ -116,7 +116,7 @@ fuzz: $(FUZZERS)
 
 # -------------------------------------------------------------------------------------- demo
 
-SCENES = $(basename $(notdir $(wildcard examples/scenes/*.scatter)))
+SCENES = $(basename $(notdir $(wildcard examples/scenes/*.scatter))) cumulus_27000
 PICTURES = $(SCENES:%=$(BUILD)/gallery/%.png)
 
 demo:
@@ -127,11 +127,21 @@ gallery: $(BUILD)/gallery/sheet.png
 	@echo "pictures: $(BUILD)/gallery, all on one sheet: $<"
 
 # A scene whose voxel file is not there makes no picture.
+define RENDER
+@for file in $$(sed -n 's/^ *grid  *\([^ ]*\).*/\1/p' $<); do \
+    [ -e $(<D)/$$file ] || { echo "$*: skipped: no data ($$file)"; exit 0; }; \
+done; \
+echo "$*"; $(BUILD)/scatter-render $< --out $@
+endef
+
 $(BUILD)/gallery/%.png: examples/scenes/%.scatter $(BUILD)/scatter-render | $(BUILD)/gallery
-	@for file in $$(sed -n 's/^ *grid  *\([^ ]*\).*/\1/p' $<); do \
-	    [ -e examples/scenes/$$file ] || { echo "$*: skipped: no data ($$file)"; exit 0; }; \
-	done; \
-	echo "$*"; $(BUILD)/scatter-render $< --threads $$(nproc) --out $@
+	$(RENDER)
+
+$(BUILD)/gallery/%.png: $(BUILD)/scenes/%.scatter $(BUILD)/scatter-render | $(BUILD)/gallery
+	$(RENDER)
+
+$(BUILD)/scenes/cumulus_27000.scatter: $(BUILD)/scatter-generate | $(BUILD)/scenes
+	$< 27000 >$@
 
 $(BUILD)/gallery/sheet.png: $(BUILD)/scatter-sheet $(PICTURES)
 	$< $@ $(PICTURES)

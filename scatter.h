@@ -70,7 +70,7 @@
    the field to `host.log`. The library prints nothing. A failed call changes nothing but what it says.
    Memory: through host.allocate/release (default malloc/free), only in scatter_create, scatter_depth_create,
    scatter_update and scatter_depth_update, and there only when something became larger. scatter_render,
-   scatter_radiance, scatter_inject and scatter_depth_at never allocate. About 64 KB of stack per ray.
+   scatter_radiance, scatter_inject and scatter_depth_at never allocate. About 150 KB of stack.
    Threads: none of its own. Long loops are handed to host.parallel_for if there is one. scatter_radiance,
    scatter_depth_at and all functions without a context may be called from any number of threads.
    Determinism: the same bits on the same machine and build for any number of threads; on another processor
@@ -444,18 +444,20 @@ SCATTER_API unsigned char scatter_srgb8(float linear);
 #endif
 
 enum {
-    SCATTERI_LANES = 16,   /* floats that one loop of the hot code works on: one AVX-512 register */
-    SCATTERI_PAGE = 256,   /* Gaussians prepared for one ray at a time */
-    SCATTERI_NODES = 256,  /* nodes of one panel */
-    SCATTERI_PROFILE = 2048, /* samples of voxel density along one ray */
-    SCATTERI_EDGES = 128,  /* break points of one ray */
-    SCATTERI_STEPS = 4096, /* of the march */
-    SCATTERI_BRICK = 8     /* voxels along the edge of a brick of the empty-space mask */
+    SCATTERI_LANES = 16,    /* rays or points that the hot loops work on at a time: one AVX-512 register */
+    SCATTERI_ROWS = 16,     /* nodes of a ray at a time */
+    SCATTERI_POINTS = SCATTERI_ROWS * SCATTERI_LANES,
+    SCATTERI_PAGE = 128,    /* Gaussians prepared for 16 rays at a time */
+    SCATTERI_NODES = 256,   /* nodes of one panel */
+    SCATTERI_PROFILE = 768, /* samples of voxel density along one ray */
+    SCATTERI_STEPS = 4096,  /* of the march */
+    SCATTERI_BRICK = 8      /* voxels along the edge of a brick of the empty-space mask */
 };
 
 #define SCATTERI_FAR 1e30f    /* length of a segment that never ends: finite, so that 0 * far is 0 */
 #define SCATTERI_HORIZON 1e6f /* m: beyond this, unbounded media are cut off */
 #define SCATTERI_QUICK 32.0f  /* sigma_t times half a Gaussian's depth up to which its erf may be off by 4e-7 */
+#define SCATTERI_VOXELS 16.0f /* voxels to a panel of `nodes` nodes */
 #define SCATTERI_OPAQUE 18.0f /* sigma_t tau at which the rest of a ray is dropped: T = 1.5e-8 */
 
 /* ------------------------------------------------------------------------------------ >>prelude */
@@ -562,7 +564,7 @@ SCATTERI_FN float scatteri_exp(float x) {
     return p * scatteri_from_bits((b + 127u) << 23);
 }
 
-/* e^-x for x >= 0, without the care for other x: at most 2e-38 instead of 0 for x > 87. */
+/* e^-x for x >= 0, without the care for other x: error 1e-7 up to 87, then 1.7e-38 instead of 0. */
 SCATTERI_FN float scatteri_decay(float x) {
     float y = scatteri_cap(x, 87.0f);
     unsigned b = scatteri_bits(y * -1.44269504f + 12582912.0f);
@@ -741,8 +743,8 @@ SCATTERI_FN float scatteri_erf_difference(float x, float y) {
 
 /* >>core: quick */
 
-/* erf(x) = over/under at z = x^2 for |x| <= 3.6, an own rational fit for inner loops: absolute error 3.6e-7, not
-   relative. Differences of two take one division. */
+/* erf(x) = over/under at z = x^2 for |x| <= 3.6, where erf is 1 - 3.6e-7: an own rational fit for
+   inner loops. The error, 6e-7, is absolute, not relative. Differences of two take one division. */
 SCATTERI_FN float scatteri_erf_over(float x, float z) {
     float p = -1.35163461e-6f;
     p = p * z + 2.17444422e-4f;
@@ -896,7 +898,7 @@ SCATTERI_FN scatteri_lobes scatteri_droplets(float diameter_um) {
 
 /* The map of the eye ray: t = t0 + d sinh(u), dt = d cosh(u) du. */
 
-/* asinh(x), |x| <= 1e18, error 3e-7. */
+/* asinh(x), |x| <= 1e18, error 3.5e-7. */
 SCATTERI_FN float scatteri_asinh(float x) {
     float y = scatteri_abs(x);
     float z = scatteri_cap(y * y, 1.0f);
@@ -1255,12 +1257,20 @@ static float scatteri_field_depth(const scatteri_field *field, scatter_vec3 p, s
     return field->scale * (float)sum;
 }
 
-/* Adds the field at 16 points. */
-SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, const float *SCATTERI_RESTRICT x,
-                                             const float *SCATTERI_RESTRICT y, const float *SCATTERI_RESTRICT z,
-                                             float *SCATTERI_RESTRICT density)
+static scatter_box scatteri_box_from(scatter_box box, scatter_vec3 ref)
 {
-    const scatter_box box = field->grid.box;
+    scatter_box moved;
+    moved.min = scatteri_sub(box.min, ref);
+    moved.max = scatteri_sub(box.max, ref);
+    return moved;
+}
+
+/* Adds the field at 16 points, coordinates relative to `ref`. */
+SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, scatter_vec3 ref,
+                                             const float *SCATTERI_RESTRICT x, const float *SCATTERI_RESTRICT y,
+                                             const float *SCATTERI_RESTRICT z, float *SCATTERI_RESTRICT density)
+{
+    const scatter_box box = scatteri_box_from(field->grid.box, ref);
     const scatter_vec3 per = field->per_metre;
     const float *voxels = field->grid.density;
     const int nx = field->grid.nx, ny = field->grid.ny, nz = field->grid.nz, slice = nx * ny;
@@ -1764,109 +1774,162 @@ static void scatteri_inject(const scatter_host *host, const scatter_medium *medi
     scatteri_parallel(host, job.slabs, scatteri_inject_slab, &job);
 }
 
-/* --- Gaussians along a line ---
-   On the line origin + t direction a Gaussian is c exp(-a^2 (h^2 + (t - m)^2)), m where it is closest and h the
-   distance there. The Gaussians that reach the line are gathered into a page; its constants serve all nodes. */
+/* --- Gaussians along 16 rays ---
+   Neighbouring rays go together, one in each lane. On a ray a Gaussian is c exp(-a^2 (h^2 + (t - m)^2)), m where it is
+   closest and h the distance there. The Gaussians that reach the rays are gathered into a page; its constants serve
+   all nodes. */
 
-typedef struct scatteri_line {
-    scatter_vec3 origin, direction; /* unit */
-    float t0, t1;
-} scatteri_line;
+/* Position of ray l at t: ref + (ox, oy, oz)[l] + t (dx, dy, dz)[l]. What the lanes compute with is relative to `ref`,
+   the origin of the first ray, so that a scene far from 0 loses no digits. */
+typedef struct scatteri_rays {
+    scatter_vec3 ref;
+    float ox[SCATTERI_LANES], oy[SCATTERI_LANES], oz[SCATTERI_LANES];
+    float dx[SCATTERI_LANES], dy[SCATTERI_LANES], dz[SCATTERI_LANES]; /* unit */
+    float t0[SCATTERI_LANES], t1[SCATTERI_LANES];                     /* t0 = t1: nothing to do */
+} scatteri_rays;
+
+static scatter_vec3 scatteri_ray_origin(const scatteri_rays *rays, int l)
+{
+    return scatteri_v3(rays->ox[l], rays->oy[l], rays->oz[l]);
+}
+
+static scatter_vec3 scatteri_ray_direction(const scatteri_rays *rays, int l)
+{
+    return scatteri_v3(rays->dx[l], rays->dy[l], rays->dz[l]);
+}
+
+/* A box with its own axes, low <= axis . x <= high, x relative to `ref`. */
+typedef struct scatteri_slabs {
+    scatter_vec3 ref, axis[3];
+    float low[3], high[3];
+} scatteri_slabs;
+
+/* Around both ends of all rays. */
+SCATTERI_HOT static void scatteri_hold_rays(scatteri_slabs *slabs, const scatteri_rays *rays)
+{
+    int i, l;
+    slabs->ref = rays->ref;
+    for (i = 0; i < 3; i++) {
+        const scatter_vec3 n = slabs->axis[i];
+        float low = SCATTERI_FAR, high = -SCATTERI_FAR;
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float o = n.x * rays->ox[l] + n.y * rays->oy[l] + n.z * rays->oz[l];
+            const float d = n.x * rays->dx[l] + n.y * rays->dy[l] + n.z * rays->dz[l];
+            const float a = o + d * rays->t0[l], b = o + d * rays->t1[l];
+            low = scatteri_min(low, scatteri_min(a, b));
+            high = scatteri_max(high, scatteri_max(a, b));
+        }
+        slabs->low[i] = low;
+        slabs->high[i] = high;
+    }
+}
+
+/* Which of 16 Gaussians reach the box. */
+SCATTERI_FN int scatteri_near_slabs(const scatteri_gaussians *g, const scatteri_slabs *slabs, int first,
+                                    int *SCATTERI_RESTRICT keep)
+{
+    float worst[SCATTERI_LANES];
+    int i, l, any = 0;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        worst[l] = 0.0f;
+    for (i = 0; i < 3; i++) {
+        const scatter_vec3 n = slabs->axis[i], o = slabs->ref;
+        const float low = slabs->low[i], high = slabs->high[i];
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float d = n.x * (g->x[first + l] - o.x) + n.y * (g->y[first + l] - o.y) +
+                            n.z * (g->z[first + l] - o.z);
+            worst[l] = scatteri_max(worst[l], scatteri_max(low - d, d - high));
+        }
+    }
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        keep[l] = g->a[first + l] * g->a[first + l] * worst[l] * worst[l] < g->reach[first + l];
+        any |= keep[l];
+    }
+    return any;
+}
 
 typedef struct scatteri_page {
     int count;
     int next;     /* the first Gaussian that was not looked at */
-    int complete; /* all that reach the line are here */
-    float m[SCATTERI_PAGE], a[SCATTERI_PAGE], c[SCATTERI_PAGE];
-    float fade[SCATTERI_PAGE];   /* a^2 h^2 */
-    float half[SCATTERI_PAGE];   /* the line is inside the support for |t - m| < half */
-    float scale[SCATTERI_PAGE];  /* c sqrt(pi)/(2a) */
-    float peak[SCATTERI_PAGE];   /* half the depth of the whole line */
-    float rate[SCATTERI_PAGE];   /* features per metre, for the placing of nodes */
-    float before[SCATTERI_PAGE]; /* depth at t = before + scale q for t < m, */
-    float behind[SCATTERI_PAGE]; /* behind - scale q for t >= m, with q = erfc(a|t - m|) exp(-a^2 h^2) */
+    int complete; /* all that reach the rays are here */
+    float a[SCATTERI_PAGE], c[SCATTERI_PAGE], reach[SCATTERI_PAGE];
+    float scale[SCATTERI_PAGE];                  /* c sqrt(pi)/(2a) */
+    float m[SCATTERI_PAGE][SCATTERI_LANES];
+    float fade[SCATTERI_PAGE][SCATTERI_LANES];   /* a^2 h^2 */
+    float before[SCATTERI_PAGE][SCATTERI_LANES]; /* depth from t0 to t is before + scale q for t < m, */
+    float behind[SCATTERI_PAGE][SCATTERI_LANES]; /* behind - scale q else; q = erfc(a|t - m|) exp(-a^2 h^2) */
 } scatteri_page;
 
-static int scatteri_any(const int *keep)
+/* Puts Gaussian number `from` at the end of the page if it reaches a ray. */
+SCATTERI_FN void scatteri_add_to_page(const scatteri_gaussians *g, int from, const scatteri_rays *rays,
+                                      scatteri_page *page)
 {
-    int any = 0, l;
-    for (l = 0; l < SCATTERI_LANES; l++)
-        any |= keep[l];
-    return any;
-}
-
-/* a^2 times the squared distance of 16 Gaussians to the piece t0..t1 of the line, for the cut at `reach`. */
-SCATTERI_FN void scatteri_near_line(const scatteri_gaussians *g, const scatteri_line *line, int first,
-                                    float *SCATTERI_RESTRICT m, float *SCATTERI_RESTRICT fade,
-                                    int *SCATTERI_RESTRICT keep)
-{
-    const scatter_vec3 o = line->origin, u = line->direction;
-    int l;
+    const float x = g->x[from] - rays->ref.x, y = g->y[from] - rays->ref.y, z = g->z[from] - rays->ref.z;
+    const float a = g->a[from], reach = g->reach[from], scale = g->c[from] * 0.886226925f / a;
+    const int i = page->count;
+    float *m = page->m[i], *fade = page->fade[i], *before = page->before[i], *behind = page->behind[i];
+    int l, any = 0;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float x = g->x[first + l] - o.x, y = g->y[first + l] - o.y, z = g->z[first + l] - o.z;
-        const float a2 = g->a[first + l] * g->a[first + l];
-        const float along = x * u.x + y * u.y + z * u.z;
-        const float px = x - along * u.x, py = y - along * u.y, pz = z - along * u.z;
-        const float past = scatteri_max(scatteri_max(line->t0 - along, along - line->t1), 0.0f);
+        const float px = x - rays->ox[l], py = y - rays->oy[l], pz = z - rays->oz[l];
+        const float along = px * rays->dx[l] + py * rays->dy[l] + pz * rays->dz[l];
+        const float hx = px - along * rays->dx[l], hy = py - along * rays->dy[l], hz = pz - along * rays->dz[l];
+        const float past = scatteri_max(scatteri_max(rays->t0[l] - along, along - rays->t1[l]), 0.0f);
         m[l] = along;
-        fade[l] = a2 * (px * px + py * py + pz * pz);
-        keep[l] = fade[l] + a2 * past * past < g->reach[first + l];
+        fade[l] = a * a * (hx * hx + hy * hy + hz * hz);
+        any |= (fade[l] + a * a * past * past < reach) & (rays->t0[l] < rays->t1[l]);
     }
+    if (!any)
+        return;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float s = a * (rays->t0[l] - m[l]);
+        const float q = scale * scatteri_erfcx(scatteri_abs(s)) * scatteri_decay(fade[l] + s * s);
+        before[l] = -q;
+        behind[l] = scatteri_choose(s, 0.0f, 2.0f * scale * scatteri_decay(fade[l]) - q, q);
+    }
+    page->a[i] = a;
+    page->c[i] = g->c[from];
+    page->reach[i] = reach;
+    page->scale[i] = scale;
+    page->count++;
 }
 
-/* Constants of the page's Gaussians for depth counted from t0. */
-SCATTERI_FN void scatteri_finish_page(scatteri_page *page, float t0)
+/* Fills the page with Gaussians that reach the rays, from number `first` on. */
+SCATTERI_HOT static void scatteri_gather(const scatteri_gaussians *g, const scatteri_rays *rays,
+                                         const scatteri_slabs *slabs, int first, scatteri_page *page)
 {
-    int first, i;
-    for (first = 0; first < page->count; first += SCATTERI_LANES)
-        for (i = first; i < first + SCATTERI_LANES; i++) {
-            const float a = page->a[i], fade = page->fade[i], scale = page->c[i] * 0.886226925f / a;
-            const float x = a * (t0 - page->m[i]);
-            const float q = scatteri_erfcx(scatteri_abs(x)) * scatteri_decay(fade + x * x);
-            const float mid = 2.0f * scatteri_decay(fade);
-            page->peak[i] = 0.5f * scale * mid;
-            page->scale[i] = scale;
-            page->before[i] = -scale * q;
-            page->behind[i] = scale * scatteri_choose(x, 0.0f, mid - q, q);
-            page->half[i] = scatteri_sqrt(scatteri_max(page->half[i] - fade, 0.0f)) / a;
-        }
-}
-
-/* Fills the page with Gaussians that reach the line, from number `first` on. */
-SCATTERI_HOT static void scatteri_gather(const scatteri_gaussians *g, const scatteri_line *line, int first,
-                                         scatteri_page *page)
-{
-    float m[SCATTERI_LANES], fade[SCATTERI_LANES];
-    int keep[SCATTERI_LANES], l, i;
     const int from_start = first == 0;
+    int keep[SCATTERI_LANES], l;
     page->count = 0;
     for (; first < g->padded && page->count <= SCATTERI_PAGE - SCATTERI_LANES; first += SCATTERI_LANES) {
-        scatteri_near_line(g, line, first, m, fade, keep);
-        if (!scatteri_any(keep))
+        if (!scatteri_near_slabs(g, slabs, first, keep))
             continue;
-        for (l = 0; l < SCATTERI_LANES; l++) {
-            i = page->count;
-            page->m[i] = m[l];
-            page->fade[i] = fade[l];
-            page->a[i] = g->a[first + l];
-            page->c[i] = g->c[first + l];
-            page->half[i] = g->reach[first + l];
-            page->count += keep[l];
-            if (page->count == SCATTERI_PAGE)
-                break;
-        }
+        for (l = 0; l < SCATTERI_LANES; l++)
+            if (keep[l])
+                scatteri_add_to_page(g, first + l, rays, page);
     }
     page->next = first;
     page->complete = from_start && first >= g->padded;
-    for (i = page->count; i % SCATTERI_LANES != 0; i++) {
-        page->m[i] = page->fade[i] = page->c[i] = page->half[i] = 0.0f;
-        page->a[i] = 1.0f;
-    }
-    scatteri_finish_page(page, line->t0);
 }
 
-/* Adds density and depth (from t0) of the page at `count` nodes t >= t0, a multiple of 16. The exponential of the
-   density is also that of the erfc in the depth, so both cost one. */
+static scatter_vec3 scatteri_perpendicular(scatter_vec3 w)
+{
+    const scatter_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
+    return scatteri_normalize(scatteri_cross(w, scatteri_abs(w.x) < 0.6f ? x : y));
+}
+
+/* Neighbouring rays are long and thin together: a box along the first one. */
+static scatteri_slabs scatteri_slabs_of_rays(const scatteri_rays *rays)
+{
+    scatteri_slabs slabs;
+    slabs.axis[0] = scatteri_ray_direction(rays, 0);
+    slabs.axis[1] = scatteri_perpendicular(slabs.axis[0]);
+    slabs.axis[2] = scatteri_cross(slabs.axis[0], slabs.axis[1]);
+    scatteri_hold_rays(&slabs, rays);
+    return slabs;
+}
+
+/* Adds density and depth (from t0) of the page at `count` points, point i on ray i % 16 at t[i] >= t0. The exponential
+   of the density is also that of the erfc in the depth, so both cost one. */
 SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count, const float *SCATTERI_RESTRICT t,
                                            float *SCATTERI_RESTRICT density, float *SCATTERI_RESTRICT depth)
 {
@@ -1879,14 +1942,14 @@ SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count,
             tau[l] = depth[first + l];
         }
         for (g = 0; g < page->count; g++) {
-            const float m = page->m[g], a = page->a[g], fade = page->fade[g], c = page->c[g];
-            const float scale = page->scale[g], before = page->before[g], behind = page->behind[g];
+            const float a = page->a[g], c = page->c[g], scale = page->scale[g];
+            const float *m = page->m[g], *fade = page->fade[g], *before = page->before[g], *behind = page->behind[g];
             for (l = 0; l < SCATTERI_LANES; l++) {
-                const float x = a * (at[l] - m);
-                const float e = scatteri_decay(fade + x * x);
+                const float x = a * (at[l] - m[l]);
+                const float e = scatteri_decay(fade[l] + x * x);
                 const float q = scale * scatteri_erfcx(scatteri_abs(x)) * e;
                 d[l] += c * e;
-                tau[l] += scatteri_choose(x, 0.0f, before + q, behind - q);
+                tau[l] += scatteri_choose(x, 0.0f, before[l] + q, behind[l] - q);
             }
         }
         for (l = 0; l < SCATTERI_LANES; l++) {
@@ -1896,30 +1959,32 @@ SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count,
     }
 }
 
-/* All Gaussians at the nodes; gathers page after page if one does not hold them all. */
-static void scatteri_add_gaussians(const scatteri_gaussians *g, const scatteri_line *line, scatteri_page *page,
+/* All Gaussians at the points; gathers page after page if one does not hold them all. */
+static void scatteri_add_gaussians(const scatteri_gaussians *g, const scatteri_rays *rays, scatteri_page *page,
                                    int count, const float *t, float *density, float *depth)
 {
+    scatteri_slabs slabs;
     if (page->complete) {
         scatteri_add_page(page, count, t, density, depth);
         return;
     }
+    slabs = scatteri_slabs_of_rays(rays);
     page->next = 0;
     while (page->next < g->padded) {
-        scatteri_gather(g, line, page->next, page);
+        scatteri_gather(g, rays, &slabs, page->next, page);
         scatteri_add_page(page, count, t, density, depth);
     }
     page->complete = 0;
 }
 
-/* Adds the fields at the nodes of the line. */
-SCATTERI_HOT static void scatteri_add_field(const scatteri_field *field, int count,
+/* Adds the field at points, coordinates relative to `ref`. */
+SCATTERI_HOT static void scatteri_add_field(const scatteri_field *field, scatter_vec3 ref, int count,
                                             const float *SCATTERI_RESTRICT x, const float *SCATTERI_RESTRICT y,
                                             const float *SCATTERI_RESTRICT z, float *SCATTERI_RESTRICT density)
 {
     int first;
     for (first = 0; first < count; first += SCATTERI_LANES)
-        scatteri_field_lanes_inline(field, x + first, y + first, z + first, density + first);
+        scatteri_field_lanes_inline(field, ref, x + first, y + first, z + first, density + first);
 }
 
 /* ------------------------------------------------------------------------------------------ >>depth
@@ -1936,7 +2001,7 @@ struct scatter_depth {
     int ready;
     scatteri_buffer memory;
     float *values;                  /* mean density tau/r of a local source, tau of a directional one */
-    int nx, ny, nz;                 /* cells; polar: radii, directions, directions */
+    int nx, ny, nz;                 /* cells; polar: directions, directions, radii */
     scatter_box box;
     scatter_vec3 cell;
     const scatteri_field *injected; /* of the same cells, for methods that read density from a volume */
@@ -1947,12 +2012,13 @@ struct scatter_depth {
     float low_r, step_r;                 /* first shell and distance of shells */
 };
 
-/* Points and where their source is seen from them. */
+/* Points, and where their source is seen from them. */
 typedef struct scatteri_points {
-    float x[SCATTERI_NODES], y[SCATTERI_NODES], z[SCATTERI_NODES];
-    float dx[SCATTERI_NODES], dy[SCATTERI_NODES], dz[SCATTERI_NODES]; /* unit, towards the source */
-    float distance[SCATTERI_NODES]; /* of the source; SCATTERI_FAR if directional */
-    float length[SCATTERI_NODES];   /* of the segment inside the bounds */
+    scatter_vec3 ref;
+    float x[SCATTERI_POINTS], y[SCATTERI_POINTS], z[SCATTERI_POINTS]; /* relative to `ref` */
+    float dx[SCATTERI_POINTS], dy[SCATTERI_POINTS], dz[SCATTERI_POINTS]; /* unit, towards the source */
+    float distance[SCATTERI_POINTS]; /* of the source; SCATTERI_FAR if directional */
+    float length[SCATTERI_POINTS];   /* of the segment inside the bounds */
 } scatteri_points;
 
 SCATTERI_FN float scatteri_not_zero(float d)
@@ -1970,15 +2036,15 @@ SCATTERI_FN float scatteri_exit(float x, float d, float low, float high)
 SCATTERI_HOT static void scatteri_face_source(const scatter_source *source, const scatter_medium *medium, int count,
                                               scatteri_points *p)
 {
-    const scatter_vec3 s = source->position, w = source->direction;
-    const scatter_box b = medium->bounds;
+    const scatter_vec3 s = scatteri_sub(source->position, p->ref), w = source->direction;
+    const scatter_box b = scatteri_box_from(medium->bounds, p->ref);
     const int directional = source->directional, bounded = medium->bounded;
     int first, l;
     for (first = 0; first < count; first += SCATTERI_LANES) {
         for (l = first; l < first + SCATTERI_LANES; l++) {
             const float x = s.x - p->x[l], y = s.y - p->y[l], z = s.z - p->z[l];
             const float r2 = x * x + y * y + z * z;
-            const float inverse = r2 > 1e-37f ? scatteri_rsqrt(r2) : 0.0f;
+            const float inverse = scatteri_choose(1e-37f, r2, scatteri_rsqrt(r2), 0.0f);
             p->dx[l] = directional ? -w.x : x * inverse;
             p->dy[l] = directional ? -w.y : y * inverse;
             p->dz[l] = directional ? -w.z : z * inverse;
@@ -1996,36 +2062,16 @@ SCATTERI_HOT static void scatteri_face_source(const scatter_source *source, cons
     }
 }
 
-/* --- closed form, for many points on a line ---
-   The segments from the points to the source fill a triangle (a strip, if directional). Gaussians that do not
-   reach it are left out. */
+/* --- closed form ---
+   Gaussians that do not reach the segments from the points to the source are left out. */
 
-typedef struct scatteri_shadow {
-    int count, next, complete;
-    float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre relative to the line's origin */
-    float a[SCATTERI_PAGE], scale[SCATTERI_PAGE]; /* scale: c sqrt(pi)/(2a) */
-} scatteri_shadow;
-
-/* Four slabs that hold the triangle or strip: low <= normal . (x - line origin) <= high. */
-typedef struct scatteri_hull {
-    scatter_vec3 normal[4];
-    float low[4], high[4];
-} scatteri_hull;
-
-static void scatteri_hull_slab(scatteri_hull *hull, int i, scatter_vec3 normal, scatter_vec3 a, scatter_vec3 b)
-{
-    const float u = scatteri_dot(normal, a), v = scatteri_dot(normal, b);
-    hull->normal[i] = normal;
-    hull->low[i] = u < v ? u : v;
-    hull->high[i] = u < v ? v : u;
-}
-
-static void scatteri_hull_add(scatteri_hull *hull, int i, scatter_vec3 x)
-{
-    const float u = scatteri_dot(hull->normal[i], x);
-    hull->low[i] = u < hull->low[i] ? u : hull->low[i];
-    hull->high[i] = u > hull->high[i] ? u : hull->high[i];
-}
+typedef struct scatteri_shadows {
+    const scatteri_medium *medium;
+    scatteri_slabs slabs;      /* hold the segments */
+    int count, next, complete; /* as in scatteri_page */
+    float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre, relative to slabs.ref */
+    float a[SCATTERI_PAGE], scale[SCATTERI_PAGE];               /* scale: c sqrt(pi)/(2a) */
+} scatteri_shadows;
 
 static scatter_vec3 scatteri_unit_or_zero(scatter_vec3 v)
 {
@@ -2033,93 +2079,83 @@ static scatter_vec3 scatteri_unit_or_zero(scatter_vec3 v)
     return scatteri_scale(v, square > 1e-24f ? scatteri_rsqrt(square) : 0.0f);
 }
 
-static scatteri_hull scatteri_shadow_hull(const scatteri_line *line, const scatter_source *source)
+/* The segments fill about a triangle (a strip, if directional): axes square to its plane, towards the source, and
+   across. */
+static scatteri_slabs scatteri_slabs_to_source(const scatteri_rays *rays, const scatter_source *source)
 {
-    const scatter_vec3 a = scatteri_scale(line->direction, line->t0), b = scatteri_scale(line->direction, line->t1);
-    const scatter_vec3 u = line->direction, w = source->direction, s = scatteri_sub(source->position, line->origin);
-    scatteri_hull hull;
+    const scatter_vec3 u = scatteri_ray_direction(rays, 0), s = scatteri_sub(source->position, rays->ref);
+    const scatter_vec3 middle =
+        scatteri_along(scatteri_ray_origin(rays, 0), u, 0.5f * (rays->t0[0] + rays->t1[0]));
+    const scatter_vec3 to = source->directional ? scatteri_scale(source->direction, -1.0f) : scatteri_sub(s, middle);
+    const float away = scatteri_length(to);
+    scatteri_slabs slabs;
+    scatter_vec3 normal;
     int i;
-    if (source->directional) {
-        const scatter_vec3 normal = scatteri_unit_or_zero(scatteri_cross(u, w));
-        scatteri_hull_slab(&hull, 0, normal, a, b);
-        scatteri_hull_slab(&hull, 1, scatteri_cross(normal, w), a, b);
-        scatteri_hull_slab(&hull, 2, w, a, b);
-        hull.low[2] = -SCATTERI_FAR;
-        hull.normal[3] = scatteri_v3(0.0f, 0.0f, 0.0f);
-        hull.low[3] = hull.high[3] = 0.0f;
-        return hull;
+    slabs.axis[0] = away > 1e-12f ? scatteri_scale(to, 1.0f / away) : scatteri_perpendicular(u);
+    normal = scatteri_cross(slabs.axis[0], u);
+    slabs.axis[1] = scatteri_dot(normal, normal) > 1e-6f ? scatteri_normalize(normal)
+                                                         : scatteri_perpendicular(slabs.axis[0]);
+    slabs.axis[2] = scatteri_cross(slabs.axis[0], slabs.axis[1]);
+    scatteri_hold_rays(&slabs, rays);
+    if (source->directional)
+        slabs.high[0] = SCATTERI_FAR;
+    for (i = 0; i < 3 && !source->directional; i++) {
+        const float d = scatteri_dot(slabs.axis[i], s);
+        slabs.low[i] = scatteri_min(slabs.low[i], d);
+        slabs.high[i] = scatteri_max(slabs.high[i], d);
     }
-    scatteri_hull_slab(&hull, 0, scatteri_unit_or_zero(scatteri_cross(u, s)), a, b);
-    scatteri_hull_slab(&hull, 1, scatteri_v3(1.0f, 0.0f, 0.0f), a, b);
-    scatteri_hull_slab(&hull, 2, scatteri_v3(0.0f, 1.0f, 0.0f), a, b);
-    scatteri_hull_slab(&hull, 3, scatteri_v3(0.0f, 0.0f, 1.0f), a, b);
-    for (i = 1; i < 4; i++)
-        scatteri_hull_add(&hull, i, s);
-    return hull;
+    return slabs;
 }
 
-/* keep: 16 Gaussians that reach the hull. */
-SCATTERI_FN void scatteri_near_hull(const scatteri_gaussians *g, scatter_vec3 origin, const scatteri_hull *hull,
-                                    int first, int *SCATTERI_RESTRICT keep)
+SCATTERI_HOT static void scatteri_gather_shadows(scatteri_shadows *s, int first)
 {
-    float worst[SCATTERI_LANES];
-    int i, l;
-    for (l = 0; l < SCATTERI_LANES; l++)
-        worst[l] = 0.0f;
-    for (i = 0; i < 4; i++) {
-        const scatter_vec3 n = hull->normal[i];
-        const float low = hull->low[i], high = hull->high[i];
-        for (l = 0; l < SCATTERI_LANES; l++) {
-            const float d = n.x * (g->x[first + l] - origin.x) + n.y * (g->y[first + l] - origin.y) +
-                            n.z * (g->z[first + l] - origin.z);
-            worst[l] = scatteri_max(worst[l], scatteri_max(low - d, d - high));
-        }
-    }
-    for (l = 0; l < SCATTERI_LANES; l++)
-        keep[l] = g->a[first + l] * g->a[first + l] * worst[l] * worst[l] < g->reach[first + l];
-}
-
-SCATTERI_HOT static void scatteri_gather_shadow(const scatteri_gaussians *g, scatter_vec3 origin,
-                                                const scatteri_hull *hull, int first, scatteri_shadow *page)
-{
+    const scatteri_gaussians *g = &s->medium->gaussians;
+    const scatter_vec3 ref = s->slabs.ref;
     const int from_start = first == 0;
     int keep[SCATTERI_LANES], l;
-    page->count = 0;
-    for (; first < g->padded && page->count <= SCATTERI_PAGE - SCATTERI_LANES; first += SCATTERI_LANES) {
-        scatteri_near_hull(g, origin, hull, first, keep);
-        if (!scatteri_any(keep))
+    s->count = 0;
+    for (; first < g->padded && s->count <= SCATTERI_PAGE - SCATTERI_LANES; first += SCATTERI_LANES) {
+        if (!scatteri_near_slabs(g, &s->slabs, first, keep))
             continue;
         for (l = 0; l < SCATTERI_LANES; l++) {
-            const int i = page->count;
+            const int i = s->count;
             if (!keep[l])
                 continue;
-            page->x[i] = g->x[first + l] - origin.x;
-            page->y[i] = g->y[first + l] - origin.y;
-            page->z[i] = g->z[first + l] - origin.z;
-            page->a[i] = g->a[first + l];
-            page->scale[i] = g->c[first + l] * 0.886226925f / g->a[first + l];
-            page->count++;
+            s->x[i] = g->x[first + l] - ref.x;
+            s->y[i] = g->y[first + l] - ref.y;
+            s->z[i] = g->z[first + l] - ref.z;
+            s->a[i] = g->a[first + l];
+            s->scale[i] = g->c[first + l] * 0.886226925f / g->a[first + l];
+            s->count++;
         }
     }
-    page->next = first;
-    page->complete = from_start && first >= g->padded;
+    s->next = first;
+    s->complete = from_start && first >= g->padded;
 }
 
-/* Where a Gaussian is closest to the segments from 16 points t of the line to the source: m along the segment, and
-   a^2 h^2. */
-SCATTERI_FN void scatteri_shadow_foot(const scatteri_shadow *page, int g, scatter_vec3 u,
-                                      const float *SCATTERI_RESTRICT t, const float *SCATTERI_RESTRICT dx,
-                                      const float *SCATTERI_RESTRICT dy, const float *SCATTERI_RESTRICT dz,
+/* Points on the rays between t0 and t1 will ask for their depth. */
+static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *medium, const scatter_source *source,
+                                   const scatteri_rays *rays)
+{
+    s->medium = medium;
+    s->slabs = scatteri_slabs_to_source(rays, source);
+    scatteri_gather_shadows(s, 0);
+}
+
+/* Where Gaussian g is closest to the segments from 16 points to the source: m along the segment, and a^2 h^2. */
+SCATTERI_FN void scatteri_shadow_foot(const scatteri_shadows *s, int g, const scatteri_points *p, int first,
                                       float *SCATTERI_RESTRICT m, float *SCATTERI_RESTRICT fade)
 {
-    const float a = page->a[g], gx = page->x[g], gy = page->y[g], gz = page->z[g];
+    const float a = s->a[g], gx = s->x[g], gy = s->y[g], gz = s->z[g];
+    const float *px = p->x + first, *py = p->y + first, *pz = p->z + first;
+    const float *dx = p->dx + first, *dy = p->dy + first, *dz = p->dz + first;
     int l;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float x = gx - u.x * t[l], y = gy - u.y * t[l], z = gz - u.z * t[l];
+        const float x = gx - px[l], y = gy - py[l], z = gz - pz[l];
         const float along = x * dx[l] + y * dy[l] + z * dz[l];
-        const float px = x - along * dx[l], py = y - along * dy[l], pz = z - along * dz[l];
+        const float hx = x - along * dx[l], hy = y - along * dy[l], hz = z - along * dz[l];
         m[l] = along;
-        fade[l] = a * a * (px * px + py * py + pz * pz);
+        fade[l] = a * a * (hx * hx + hy * hy + hz * hz);
     }
 }
 
@@ -2154,54 +2190,26 @@ SCATTERI_FN void scatteri_shadow_exact(float a, float scale, const float *SCATTE
     }
 }
 
-/* Adds, at 16 points t of the line, depth between them and the source. */
-SCATTERI_FN void scatteri_shadow_lanes(const scatteri_shadow *page, scatter_vec3 u, float sigma,
-                                       const float *SCATTERI_RESTRICT t, const float *SCATTERI_RESTRICT dx,
-                                       const float *SCATTERI_RESTRICT dy, const float *SCATTERI_RESTRICT dz,
-                                       const float *SCATTERI_RESTRICT length, float *SCATTERI_RESTRICT depth)
+/* Adds depth of the gathered Gaussians between the points and the source. */
+SCATTERI_HOT static void scatteri_add_gathered(const scatteri_shadows *s, int count, const scatteri_points *p,
+                                               float *SCATTERI_RESTRICT depth)
 {
-    float sum[SCATTERI_LANES], m[SCATTERI_LANES], fade[SCATTERI_LANES];
-    int g, l;
-    for (l = 0; l < SCATTERI_LANES; l++)
-        sum[l] = 0.0f;
-    for (g = 0; g < page->count; g++) {
-        const float a = page->a[g], scale = page->scale[g];
-        scatteri_shadow_foot(page, g, u, t, dx, dy, dz, m, fade);
-        if (sigma * scale < SCATTERI_QUICK)
-            scatteri_shadow_quick(a, scale, length, m, fade, sum);
-        else
-            scatteri_shadow_exact(a, scale, length, m, fade, sum);
+    const float sigma = s->medium->sigma_most;
+    int first, g, l;
+    for (first = 0; first < count; first += SCATTERI_LANES) {
+        float sum[SCATTERI_LANES], m[SCATTERI_LANES], fade[SCATTERI_LANES];
+        for (l = 0; l < SCATTERI_LANES; l++)
+            sum[l] = 0.0f;
+        for (g = 0; g < s->count; g++) {
+            scatteri_shadow_foot(s, g, p, first, m, fade);
+            if (sigma * s->scale[g] < SCATTERI_QUICK)
+                scatteri_shadow_quick(s->a[g], s->scale[g], p->length + first, m, fade, sum);
+            else
+                scatteri_shadow_exact(s->a[g], s->scale[g], p->length + first, m, fade, sum);
+        }
+        for (l = 0; l < SCATTERI_LANES; l++)
+            depth[first + l] += scatteri_max(sum[l], 0.0f);
     }
-    for (l = 0; l < SCATTERI_LANES; l++)
-        depth[l] += scatteri_max(sum[l], 0.0f);
-}
-
-SCATTERI_HOT static void scatteri_add_shadow(const scatteri_shadow *page, scatter_vec3 u, float sigma, int count,
-                                             const float *t, const scatteri_points *p, float *depth)
-{
-    int first;
-    for (first = 0; first < count; first += SCATTERI_LANES)
-        scatteri_shadow_lanes(page, u, sigma, t + first, p->dx + first, p->dy + first, p->dz + first,
-                              p->length + first, depth + first);
-}
-
-/* Everything needed to add closed-form depth at points of one line. */
-typedef struct scatteri_shadows {
-    const scatteri_medium *medium;
-    const scatter_source *source;
-    const scatteri_line *line;
-    scatteri_hull hull;
-    scatteri_shadow page;
-} scatteri_shadows;
-
-static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *medium, const scatter_source *source,
-                                   const scatteri_line *line)
-{
-    s->medium = medium;
-    s->source = source;
-    s->line = line;
-    s->hull = scatteri_shadow_hull(line, source);
-    scatteri_gather_shadow(&medium->gaussians, line->origin, &s->hull, 0, &s->page);
 }
 
 /* Depth of the grids by exact traversal: slow, and exact. */
@@ -2211,22 +2219,21 @@ static void scatteri_add_field_depths(const scatteri_medium *medium, int count, 
     int i;
     for (f = 0; f < medium->desc.grid_count; f++)
         for (i = 0; i < count; i++)
-            depth[i] += scatteri_field_depth(&medium->fields[f], scatteri_v3(p->x[i], p->y[i], p->z[i]),
+            depth[i] += scatteri_field_depth(&medium->fields[f],
+                                             scatteri_add(p->ref, scatteri_v3(p->x[i], p->y[i], p->z[i])),
                                              scatteri_v3(p->dx[i], p->dy[i], p->dz[i]), p->length[i]);
 }
 
-static void scatteri_add_shadows(scatteri_shadows *s, int count, const float *t, const scatteri_points *p,
-                                 float *depth)
+static void scatteri_add_shadows(scatteri_shadows *s, int count, const scatteri_points *p, float *depth)
 {
-    const scatteri_gaussians *g = &s->medium->gaussians;
     int next = 0;
-    if (s->page.complete) {
-        scatteri_add_shadow(&s->page, s->line->direction, s->medium->sigma_most, count, t, p, depth);
-        next = g->padded;
+    if (s->complete) {
+        scatteri_add_gathered(s, count, p, depth);
+        next = s->medium->gaussians.padded;
     }
-    for (; next < g->padded; next = s->page.next) {
-        scatteri_gather_shadow(g, s->line->origin, &s->hull, next, &s->page);
-        scatteri_add_shadow(&s->page, s->line->direction, s->medium->sigma_most, count, t, p, depth);
+    for (; next < s->medium->gaussians.padded; next = s->next) {
+        scatteri_gather_shadows(s, next);
+        scatteri_add_gathered(s, count, p, depth);
     }
     scatteri_add_field_depths(s->medium, count, p, depth);
 }
@@ -2251,18 +2258,6 @@ static float scatteri_stored(const scatter_depth *d, float depth, float r)
     return d->source.directional ? depth : r > 0.0f ? depth / r : 0.0f;
 }
 
-static void scatteri_row_points(const scatter_depth *d, int i0, int count, int j, int k, float *t, scatteri_points *p)
-{
-    int i;
-    for (i = 0; i < count; i++) {
-        const scatter_vec3 x = scatteri_cell(d, i0 + (i < d->nx - i0 ? i : d->nx - i0 - 1), j, k);
-        p->x[i] = x.x;
-        p->y[i] = x.y;
-        p->z[i] = x.z;
-        t[i] = x.x - d->box.min.x;
-    }
-}
-
 /* Local density at x, for the limit of the mean density at the source. */
 static float scatteri_local_density(const scatteri_medium *medium, scatter_vec3 x)
 {
@@ -2272,26 +2267,37 @@ static float scatteri_local_density(const scatteri_medium *medium, scatter_vec3 
     return scatter_density(&local, x);
 }
 
-static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points *p)
+/* A row of cells as one ray in all lanes, for the search of Gaussians. */
+static scatteri_rays scatteri_row(const scatter_depth *d, int j, int k)
 {
-    scatteri_line row;
-    scatteri_shadows shadows;
-    float t[SCATTERI_NODES], depth[SCATTERI_NODES];
+    scatteri_rays row;
+    int l;
+    row.ref = scatteri_cell(d, 0, j, k);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        row.ox[l] = row.oy[l] = row.oz[l] = row.dy[l] = row.dz[l] = row.t0[l] = 0.0f;
+        row.dx[l] = 1.0f;
+        row.t1[l] = (float)(d->nx - 1) * d->cell.x;
+    }
+    return row;
+}
+
+static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points *p, scatteri_shadows *shadows)
+{
+    const scatteri_rays row = scatteri_row(d, j, k);
+    float depth[SCATTERI_POINTS];
     int start, i;
-    row.origin = scatteri_cell(d, 0, j, k);
-    row.origin.x = d->box.min.x;
-    row.direction = scatteri_v3(1.0f, 0.0f, 0.0f);
-    row.t0 = 0.0f;
-    row.t1 = d->box.max.x - d->box.min.x;
-    scatteri_begin_shadows(&shadows, d->medium, &d->source, &row);
-    for (start = 0; start < d->nx; start += SCATTERI_NODES) {
-        const int left = d->nx - start < SCATTERI_NODES ? d->nx - start : SCATTERI_NODES;
+    scatteri_begin_shadows(shadows, d->medium, &d->source, &row);
+    p->ref = row.ref;
+    for (start = 0; start < d->nx; start += SCATTERI_POINTS) {
+        const int left = d->nx - start < SCATTERI_POINTS ? d->nx - start : SCATTERI_POINTS;
         const int count = (left + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
         float *out = d->values + scatteri_cell_index(d, start, j, k);
-        memset(depth, 0, sizeof depth);
-        scatteri_row_points(d, start, count, j, k, t, p);
+        for (i = 0; i < count; i++) {
+            p->x[i] = (float)(start + (i < left ? i : left - 1)) * d->cell.x;
+            p->y[i] = p->z[i] = depth[i] = 0.0f;
+        }
         scatteri_face_source(&d->source, &d->medium->desc, count, p);
-        scatteri_add_shadows(&shadows, count, t, p, depth);
+        scatteri_add_shadows(shadows, count, p, depth);
         for (i = 0; i < left; i++)
             out[i] = p->distance[i] > 0.0f ? scatteri_stored(d, depth[i], p->distance[i])
                                            : scatteri_local_density(d->medium, d->source.position);
@@ -2302,9 +2308,10 @@ static void scatteri_closed_slice(void *data, int k)
 {
     scatter_depth *d = (scatter_depth *)data;
     scatteri_points points;
+    scatteri_shadows shadows;
     int j;
     for (j = 0; j < d->ny; j++)
-        scatteri_closed_row(d, j, k, &points);
+        scatteri_closed_row(d, j, k, &points, &shadows);
 }
 
 /* Steps of one cell from the cell to the source through the injected density: a shadow ray for each cell. */
@@ -2319,12 +2326,12 @@ SCATTERI_HOT static float scatteri_march_to(const scatter_depth *d, scatter_vec3
     for (first = 0; first < steps; first += SCATTERI_LANES) {
         for (l = 0; l < SCATTERI_LANES; l++) {
             const float t = t0 + step * ((float)(first + l) + 0.5f);
-            x[l] = from.x + t * direction.x;
-            y[l] = from.y + t * direction.y;
-            z[l] = from.z + t * direction.z;
+            x[l] = t * direction.x;
+            y[l] = t * direction.y;
+            z[l] = t * direction.z;
             density[l] = 0.0f;
         }
-        scatteri_field_lanes_inline(d->injected, x, y, z, density);
+        scatteri_field_lanes_inline(d->injected, from, x, y, z, density);
         for (l = 0; l < SCATTERI_LANES; l++)
             sum += first + l < steps ? density[l] : 0.0f;
     }
@@ -2520,12 +2527,6 @@ static void scatteri_sweep(scatter_depth *d)
    column each shell has one neighbour towards the source, with weight 1: depth is a running sum, and for Gaussians
    the sum is an erf. A directional source has parallel columns. */
 
-static scatter_vec3 scatteri_perpendicular(scatter_vec3 w)
-{
-    const scatter_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
-    return scatteri_normalize(scatteri_cross(w, scatteri_abs(w.x) < 0.6f ? x : y));
-}
-
 static scatter_vec3 scatteri_corner(scatter_box b, int i)
 {
     return scatteri_v3(i & 1 ? b.max.x : b.min.x, i & 2 ? b.max.y : b.min.y, i & 4 ? b.max.z : b.min.z);
@@ -2540,9 +2541,9 @@ static void scatteri_polar_frame(scatter_depth *d, scatter_vec3 w)
 
 static void scatteri_polar_steps(scatter_depth *d, float high_u, float high_v, float high_r)
 {
-    d->step_u = scatteri_max((high_u - d->low_u) / (float)(d->ny - 1), 1e-30f);
-    d->step_v = scatteri_max((high_v - d->low_v) / (float)(d->nz - 1), 1e-30f);
-    d->step_r = scatteri_max((high_r - d->low_r) / (float)(d->nx - 1), 1e-30f);
+    d->step_u = scatteri_max((high_u - d->low_u) / (float)(d->nx - 1), 1e-30f);
+    d->step_v = scatteri_max((high_v - d->low_v) / (float)(d->ny - 1), 1e-30f);
+    d->step_r = scatteri_max((high_r - d->low_r) / (float)(d->nz - 1), 1e-30f);
 }
 
 static void scatteri_parallel_columns(scatter_depth *d)
@@ -2591,100 +2592,180 @@ static void scatteri_polar_columns(scatter_depth *d)
     scatteri_polar_steps(d, spread, spread, high_r);
 }
 
-/* The line of column (i, j): t is the radius. */
-static scatteri_line scatteri_column(const scatter_depth *d, int i, int j)
+/* Direction of column (i, j) of a local source. */
+static scatter_vec3 scatteri_column_direction(const scatter_depth *d, float u, float v)
 {
-    const float u = d->low_u + (float)i * d->step_u, v = d->low_v + (float)j * d->step_v;
-    scatteri_line line;
-    line.t0 = d->source.directional ? 0.0f : d->low_r;
-    line.t1 = line.t0 + (float)(d->nx - 1) * d->step_r;
-    if (d->source.directional) {
-        line.direction = d->axis_w;
-        line.origin = scatteri_add(scatteri_add(scatteri_scale(d->axis_u, u), scatteri_scale(d->axis_v, v)),
-                                   scatteri_scale(d->axis_w, d->low_r));
-    } else {
-        const scatter_vec3 o = scatteri_oct_decode(scatteri_v2(scatteri_clamp(u, -1.0f, 1.0f),
-                                                               scatteri_clamp(v, -1.0f, 1.0f)));
-        line.direction = scatteri_add(scatteri_add(scatteri_scale(d->axis_u, o.x), scatteri_scale(d->axis_v, o.y)),
-                                      scatteri_scale(d->axis_w, o.z));
-        line.origin = d->source.position;
-    }
-    return line;
+    const scatter_vec3 o = scatteri_oct_decode(scatteri_v2(scatteri_clamp(u, -1.0f, 1.0f),
+                                                           scatteri_clamp(v, -1.0f, 1.0f)));
+    return scatteri_add(scatteri_add(scatteri_scale(d->axis_u, o.x), scatteri_scale(d->axis_v, o.y)),
+                        scatteri_scale(d->axis_w, o.z));
 }
 
-/* Adds to depth[k] the integral of the fields up to radius t[k], sampled about once a voxel. */
-static void scatteri_sum_fields(const scatter_depth *d, const scatteri_line *line, const float *t, float *depth)
+/* Columns (i..i+15, j), t from the first shell on. */
+static void scatteri_columns(const scatter_depth *d, int i, int j, scatteri_rays *rays)
 {
-    const scatteri_medium *medium = d->medium;
-    float running = 0.0f;
+    const float v = d->low_v + (float)j * d->step_v, start = d->source.directional ? 0.0f : d->low_r;
+    scatter_vec3 o = {0.0f, 0.0f, 0.0f}, w = d->axis_w;
+    int l;
+    rays->ref = d->source.directional ? scatteri_add(scatteri_scale(d->axis_w, d->low_r), scatteri_scale(d->axis_v, v))
+                                      : d->source.position;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float u = d->low_u + (float)(i + l < d->nx ? i + l : d->nx - 1) * d->step_u;
+        if (d->source.directional)
+            o = scatteri_scale(d->axis_u, u);
+        else
+            w = scatteri_column_direction(d, u, v);
+        rays->ox[l] = o.x;
+        rays->oy[l] = o.y;
+        rays->oz[l] = o.z;
+        rays->dx[l] = w.x;
+        rays->dy[l] = w.y;
+        rays->dz[l] = w.z;
+        rays->t0[l] = start;
+        rays->t1[l] = start + (float)(d->nz - 1) * d->step_r;
+    }
+}
+
+/* Most voxels that a step of `length` along any ray crosses. */
+static float scatteri_voxels_along(const scatteri_field *field, const scatteri_rays *rays, float length)
+{
+    const scatter_vec3 n = field->per_metre;
+    float most = 0.0f;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        most = scatteri_max(most, scatteri_max(n.x * scatteri_abs(rays->dx[l]),
+                                               scatteri_max(n.y * scatteri_abs(rays->dy[l]),
+                                                            n.z * scatteri_abs(rays->dz[l]))));
+    return most * length;
+}
+
+/* Field at t on 16 rays; 0 at once where all of them are in empty bricks. */
+SCATTERI_HOT static void scatteri_sample_field(const scatteri_field *field, const scatteri_rays *rays, const float *t,
+                                               float *density)
+{
+    float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES];
+    scatter_box box;
+    int l;
+    box.min = scatteri_v3(SCATTERI_FAR, SCATTERI_FAR, SCATTERI_FAR);
+    box.max = scatteri_scale(box.min, -1.0f);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        x[l] = rays->ox[l] + t[l] * rays->dx[l];
+        y[l] = rays->oy[l] + t[l] * rays->dy[l];
+        z[l] = rays->oz[l] + t[l] * rays->dz[l];
+    }
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        box.min.x = scatteri_min(box.min.x, x[l]);
+        box.min.y = scatteri_min(box.min.y, y[l]);
+        box.min.z = scatteri_min(box.min.z, z[l]);
+        box.max.x = scatteri_max(box.max.x, x[l]);
+        box.max.y = scatteri_max(box.max.y, y[l]);
+        box.max.z = scatteri_max(box.max.z, z[l]);
+    }
+    if (scatteri_may_be_filled(field, scatteri_add(rays->ref, box.min), scatteri_add(rays->ref, box.max)))
+        scatteri_field_lanes_inline(field, rays->ref, x, y, z, density);
+}
+
+/* Running sum of the fields along 16 columns: adds what lies between the shells at radii `before` and `here`, sampled
+   about once a voxel. */
+static void scatteri_sum_fields(const scatter_depth *d, const scatteri_rays *rays, const float *before,
+                                const float *here, float *running)
+{
     size_t f;
-    int k, s, l;
-    for (f = 0; f < medium->desc.grid_count; f++) {
-        const scatteri_field *field = &medium->fields[f];
-        const scatter_vec3 rate = scatteri_mul(line->direction, field->per_metre);
-        const float voxels = scatteri_max(scatteri_abs(rate.x), scatteri_max(scatteri_abs(rate.y), scatteri_abs(rate.z)));
-        running = 0.0f;
-        for (k = 1; k < d->nx; k++) {
-            const float length = t[k] - t[k - 1];
-            const int samples = (int)scatteri_clamp(length * voxels, 0.0f, 1e6f) / SCATTERI_LANES + 1;
-            const float step = length / (float)(samples * SCATTERI_LANES);
-            const scatter_vec3 from = scatteri_along(line->origin, line->direction, t[k - 1]);
-            const scatter_vec3 to = scatteri_along(line->origin, line->direction, t[k]);
-            for (s = 0; s < samples && length > 0.0f && scatteri_may_be_filled(field, from, to); s++) {
-                float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES], density[SCATTERI_LANES];
-                for (l = 0; l < SCATTERI_LANES; l++) {
-                    const float at = t[k - 1] + ((float)(s * SCATTERI_LANES + l) + 0.5f) * step;
-                    x[l] = line->origin.x + at * line->direction.x;
-                    y[l] = line->origin.y + at * line->direction.y;
-                    z[l] = line->origin.z + at * line->direction.z;
-                    density[l] = 0.0f;
-                }
-                scatteri_add_field(field, SCATTERI_LANES, x, y, z, density);
-                for (l = 0; l < SCATTERI_LANES; l++)
-                    running += density[l] * step;
+    int s, l;
+    for (f = 0; f < d->medium->desc.grid_count; f++) {
+        const scatteri_field *field = &d->medium->fields[f];
+        const int samples = (int)scatteri_clamp(scatteri_voxels_along(field, rays, d->step_r), 0.0f, 1e4f) + 1;
+        const float part = 1.0f / (float)samples;
+        for (s = 0; s < samples; s++) {
+            float at[SCATTERI_LANES], density[SCATTERI_LANES];
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                at[l] = before[l] + ((float)s + 0.5f) * part * (here[l] - before[l]);
+                density[l] = 0.0f;
             }
-            depth[k] += running;
+            scatteri_sample_field(field, rays, at, density);
+            for (l = 0; l < SCATTERI_LANES; l++)
+                running[l] += density[l] * part * (here[l] - before[l]);
         }
     }
 }
 
-/* Depth at all shells of one column; shells before and behind the bounds take the value at the bounds. */
-static void scatteri_fill_column(const scatter_depth *d, int i, int j, scatteri_page *page, float *t, float *depth,
-                                 float *density)
+/* The columns' stretches inside the bounds; what lies outside counts as the ends of that. */
+static void scatteri_cut_columns(const scatter_medium *medium, scatteri_rays *rays)
 {
-    scatteri_line line = scatteri_column(d, i, j);
-    float *out = d->values + ((size_t)j * (size_t)d->ny + (size_t)i) * (size_t)d->nx;
-    const float start = line.t0;
-    const int count = (d->nx + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
-    int k;
-    if (!scatteri_bounded(&d->medium->desc, line.origin, line.direction, &line.t0, &line.t1))
-        line.t1 = line.t0;
-    for (k = 0; k < count; k++) {
-        t[k] = scatteri_clamp(start + (float)k * d->step_r, line.t0, line.t1);
-        depth[k] = density[k] = 0.0f;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const scatter_vec3 o = scatteri_add(rays->ref, scatteri_ray_origin(rays, l));
+        float t0 = rays->t0[l], t1 = rays->t1[l];
+        const int some = scatteri_bounded(medium, o, scatteri_ray_direction(rays, l), &t0, &t1);
+        rays->t0[l] = some ? t0 : rays->t0[l];
+        rays->t1[l] = some ? t1 : rays->t0[l];
     }
-    if (line.t1 > line.t0 && d->medium->gaussians.padded > 0) {
-        scatteri_gather(&d->medium->gaussians, &line, 0, page);
-        scatteri_add_gaussians(&d->medium->gaussians, &line, page, count, t, density, depth);
-    }
-    if (line.t1 > line.t0 && d->medium->desc.grid_count > 0)
-        scatteri_sum_fields(d, &line, t, depth);
-    for (k = 0; k < d->nx; k++) {
-        const float r = start + (float)k * d->step_r;
-        out[k] = scatteri_stored(d, scatteri_max(depth[k], 0.0f), r);
-    }
-    if (!d->source.directional && !(start > 0.0f))
-        out[0] = scatteri_local_density(d->medium, d->source.position);
 }
 
-static void scatteri_fill_columns(void *data, int j)
+/* Work space of one task. */
+typedef struct scatteri_shells {
+    scatteri_rays rays;
+    scatteri_page page;
+    float t[SCATTERI_POINTS], depth[SCATTERI_POINTS], density[SCATTERI_POINTS];
+    float last[SCATTERI_LANES], running[SCATTERI_LANES];
+} scatteri_shells;
+
+/* Depth at `rows` shells from number `first` on. */
+static void scatteri_fill_shells(const scatter_depth *d, int first, int rows, scatteri_shells *w)
+{
+    const float start = d->source.directional ? 0.0f : d->low_r;
+    int k, l;
+    for (k = 0; k < rows; k++)
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float r = start + (float)(first + k) * d->step_r;
+            w->t[k * SCATTERI_LANES + l] = scatteri_clamp(r, w->rays.t0[l], w->rays.t1[l]);
+            w->depth[k * SCATTERI_LANES + l] = w->density[k * SCATTERI_LANES + l] = 0.0f;
+        }
+    scatteri_add_gaussians(&d->medium->gaussians, &w->rays, &w->page, rows * SCATTERI_LANES, w->t, w->density, w->depth);
+    for (k = 0; k < rows && d->medium->desc.grid_count > 0; k++) {
+        const float *here = w->t + k * SCATTERI_LANES;
+        scatteri_sum_fields(d, &w->rays, w->last, here, w->running);
+        memcpy(w->last, here, sizeof w->last);
+        for (l = 0; l < SCATTERI_LANES; l++)
+            w->depth[k * SCATTERI_LANES + l] += w->running[l];
+    }
+}
+
+/* Columns (i..i+15, j). */
+static void scatteri_fill_columns(const scatter_depth *d, int i, int j, scatteri_shells *w)
+{
+    const float start = d->source.directional ? 0.0f : d->low_r;
+    const int some = d->nx - i < SCATTERI_LANES ? d->nx - i : SCATTERI_LANES;
+    scatteri_slabs slabs;
+    int first, k, l;
+    scatteri_columns(d, i, j, &w->rays);
+    scatteri_cut_columns(&d->medium->desc, &w->rays);
+    slabs = scatteri_slabs_of_rays(&w->rays);
+    scatteri_gather(&d->medium->gaussians, &w->rays, &slabs, 0, &w->page);
+    memcpy(w->last, w->rays.t0, sizeof w->last);
+    memset(w->running, 0, sizeof w->running);
+    for (first = 0; first < d->nz; first += SCATTERI_ROWS) {
+        const int rows = d->nz - first < SCATTERI_ROWS ? d->nz - first : SCATTERI_ROWS;
+        scatteri_fill_shells(d, first, rows, w);
+        for (k = 0; k < rows; k++) {
+            const float r = start + (float)(first + k) * d->step_r;
+            float *out = d->values + ((size_t)(first + k) * (size_t)d->ny + (size_t)j) * (size_t)d->nx + i;
+            for (l = 0; l < some; l++)
+                out[l] = scatteri_stored(d, scatteri_max(w->depth[k * SCATTERI_LANES + l], 0.0f), r);
+        }
+    }
+    for (l = 0; l < some && !d->source.directional && !(start > 0.0f); l++)
+        d->values[(size_t)j * (size_t)d->nx + (size_t)(i + l)] =
+            scatteri_local_density(d->medium, d->source.position);
+}
+
+static void scatteri_fill_column_row(void *data, int j)
 {
     const scatter_depth *d = (const scatter_depth *)data;
-    float t[1024 + SCATTERI_LANES], depth[1024 + SCATTERI_LANES], density[1024 + SCATTERI_LANES];
-    scatteri_page page;
+    scatteri_shells work;
     int i;
-    for (i = 0; i < d->ny; i++)
-        scatteri_fill_column(d, i, j, &page, t, depth, density);
+    for (i = 0; i < d->nx; i += SCATTERI_LANES)
+        scatteri_fill_columns(d, i, j, &work);
 }
 
 /* --- reading --- */
@@ -2706,7 +2787,7 @@ SCATTERI_FN float scatteri_gather8(const float *v, int base, int sy, int sz, flo
    segment leaves the box. */
 SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_points *p, int first, float *depth)
 {
-    const scatter_box b = d->box;
+    const scatter_box b = scatteri_box_from(d->box, p->ref);
     const int nx = d->nx, ny = d->ny, nz = d->nz, directional = d->source.directional;
     const float sx = 1.0f / d->cell.x, sy = 1.0f / d->cell.y, sz = 1.0f / d->cell.z;
     int base[SCATTERI_LANES], l;
@@ -2742,34 +2823,32 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
 /* Depth at 16 points from columns. Behind the last shell nothing is added any more. */
 SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_points *p, int first, float *depth)
 {
-    const scatter_vec3 s = d->source.position, u = d->axis_u, v = d->axis_v, w = d->axis_w;
-    const int nr = d->nx, nu = d->ny, nv = d->nz, directional = d->source.directional;
+    const int directional = d->source.directional, nu = d->nx, nv = d->ny, nr = d->nz;
+    const scatter_vec3 u = d->axis_u, v = d->axis_v, w = d->axis_w;
+    const scatter_vec3 o = directional ? p->ref : scatteri_sub(p->ref, d->source.position);
     const float iu = 1.0f / d->step_u, iv = 1.0f / d->step_v, ir = 1.0f / d->step_r;
     const float last = d->low_r + (float)(nr - 1) * d->step_r;
     int base[SCATTERI_LANES], l;
     float fr[SCATTERI_LANES], fu[SCATTERI_LANES], fv[SCATTERI_LANES], factor[SCATTERI_LANES];
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const int i = first + l;
-        const float x = directional ? p->x[i] : p->x[i] - s.x;
-        const float y = directional ? p->y[i] : p->y[i] - s.y;
-        const float z = directional ? p->z[i] : p->z[i] - s.z;
+        const float x = o.x + p->x[first + l], y = o.y + p->y[first + l], z = o.z + p->z[first + l];
         const scatter_vec3 q = scatteri_v3(u.x * x + u.y * y + u.z * z, v.x * x + v.y * y + v.z * z,
                                            w.x * x + w.y * y + w.z * z);
-        const scatteri_vec2 o = scatteri_oct_encode(q);
-        const float r = scatteri_min(directional ? q.z : p->distance[i], last);
-        const float gu = scatteri_clamp(((directional ? q.x : o.x) - d->low_u) * iu, 0.0f, (float)(nu - 1));
-        const float gv = scatteri_clamp(((directional ? q.y : o.y) - d->low_v) * iv, 0.0f, (float)(nv - 1));
+        const scatteri_vec2 e = scatteri_oct_encode(q);
+        const float a = directional ? q.x : e.x, b = directional ? q.y : e.y;
+        const float r = scatteri_min(directional ? q.z : p->distance[first + l], last);
+        const float gu = scatteri_clamp((a - d->low_u) * iu, 0.0f, (float)(nu - 1));
+        const float gv = scatteri_clamp((b - d->low_v) * iv, 0.0f, (float)(nv - 1));
         const float gr = scatteri_clamp((r - d->low_r) * ir, 0.0f, (float)(nr - 1));
         const int cu = scatteri_lower(gu, nu), cv = scatteri_lower(gv, nv), cr = scatteri_lower(gr, nr);
-        base[l] = (cv * nu + cu) * nr + cr;
+        base[l] = (cr * nv + cv) * nu + cu;
         fu[l] = gu - (float)cu;
         fv[l] = gv - (float)cv;
         fr[l] = gr - (float)cr;
         factor[l] = directional ? 1.0f : r;
     }
     for (l = 0; l < SCATTERI_LANES; l++)
-        depth[first + l] +=
-            factor[l] * scatteri_gather8(d->values, base[l], nr, nr * nu, fr[l], fu[l], fv[l]);
+        depth[first + l] += factor[l] * scatteri_gather8(d->values, base[l], nu, nu * nv, fu[l], fv[l], fr[l]);
 }
 
 SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count, const scatteri_points *p, float *depth)
@@ -2787,7 +2866,7 @@ SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count, 
 
 /* Adds constant and height fog between the points and the source. */
 SCATTERI_HOT static void scatteri_add_analytic(const scatter_medium *medium, int count, const scatteri_points *p,
-                                               float *depth)
+                                               float *SCATTERI_RESTRICT depth)
 {
     size_t h;
     int first, l;
@@ -2796,11 +2875,37 @@ SCATTERI_HOT static void scatteri_add_analytic(const scatter_medium *medium, int
             depth[l] += medium->constant * p->length[l];
         for (h = 0; h < medium->height_count; h++) {
             const scatter_height fog = medium->heights[h];
+            const float y0 = fog.y0 - p->ref.y;
             for (l = first; l < first + SCATTERI_LANES; l++)
-                depth[l] += scatteri_height_depth(fog.density, fog.y0, fog.scale, p->y[l], p->dy[l], p->length[l]);
+                depth[l] += scatteri_height_depth(fog.density, y0, fog.scale, p->y[l], p->dy[l], p->length[l]);
         }
         for (l = first; l < first + SCATTERI_LANES; l++)
             depth[l] = scatteri_min(depth[l], SCATTERI_FAR);
+    }
+}
+
+/* Adds density and depth (from t0) of constant and height fog at points t of 16 rays. */
+SCATTERI_HOT static void scatteri_add_fog(const scatter_medium *medium, const scatteri_rays *rays, int count,
+                                          const float *SCATTERI_RESTRICT t, float *SCATTERI_RESTRICT density,
+                                          float *SCATTERI_RESTRICT depth)
+{
+    size_t h;
+    int first, l;
+    for (first = 0; first < count; first += SCATTERI_LANES) {
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            density[first + l] += medium->constant;
+            depth[first + l] += medium->constant * (t[first + l] - rays->t0[l]);
+        }
+        for (h = 0; h < medium->height_count; h++) {
+            const scatter_height fog = medium->heights[h];
+            const float y0 = fog.y0 - rays->ref.y;
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const float y = rays->oy[l] + t[first + l] * rays->dy[l];
+                const float start = rays->oy[l] + rays->t0[l] * rays->dy[l], length = t[first + l] - rays->t0[l];
+                density[first + l] += fog.density * scatteri_exp(scatteri_min((y0 - y) / fog.scale, 80.0f));
+                depth[first + l] += scatteri_height_depth(fog.density, y0, fog.scale, start, rays->dy[l], length);
+            }
+        }
     }
 }
 
@@ -2842,10 +2947,10 @@ static void scatteri_shape(scatter_depth *d, int n)
     d->nx = d->ny = d->nz = n;
     if (d->method != SCATTER_DEPTH_POLAR)
         return;
-    d->ny = d->nz = columns < 1024 ? columns : 1024;
-    d->nx = d->medium->desc.grid_count > 0 ? n : shells;
+    d->nx = d->ny = columns < 1024 ? columns : 1024;
+    d->nz = d->medium->desc.grid_count > 0 ? n : shells;
     if (d->source.directional && d->medium->desc.grid_count > 0)
-        d->ny = d->nz = n;
+        d->nx = d->ny = n;
 }
 
 static void scatteri_fill(scatter_depth *d)
@@ -2856,7 +2961,7 @@ static void scatteri_fill(scatter_depth *d)
             scatteri_parallel_columns(d);
         else
             scatteri_polar_columns(d);
-        scatteri_parallel(&d->host, d->nz, scatteri_fill_columns, d);
+        scatteri_parallel(&d->host, d->ny, scatteri_fill_column_row, d);
         break;
     case SCATTER_DEPTH_CLOSED_VOLUME: scatteri_parallel(&d->host, d->nz, scatteri_closed_slice, d); break;
     case SCATTER_DEPTH_MARCH: scatteri_parallel(&d->host, d->nz, scatteri_march_slice, d); break;
@@ -2916,54 +3021,51 @@ static scatter_result scatteri_build_injected(const scatter_host *host, const sc
     return SCATTER_OK;
 }
 
-/* Local depth at one point. */
+/* Local depth at 16 times the same point. */
 static float scatteri_depth_at_point(const scatter_depth *d, const scatteri_points *p)
 {
     float depth[SCATTERI_LANES];
     if (d->method == SCATTER_DEPTH_CLOSED)
-        return scatteri_local_depth(&d->medium->desc, scatteri_v3(p->x[0], p->y[0], p->z[0]),
-                                    scatteri_v3(p->dx[0], p->dy[0], p->dz[0]), p->length[0]);
+        return scatteri_local_depth(&d->medium->desc, p->ref, scatteri_v3(p->dx[0], p->dy[0], p->dz[0]), p->length[0]);
     memset(depth, 0, sizeof depth);
     scatteri_read_depth(d, SCATTERI_LANES, p, depth);
     return depth[0];
+}
+
+/* Moves a point outside the bounds to where its segment to the source enters them; 0 if it never does. */
+static int scatteri_enter_bounds(const scatter_depth *d, scatter_vec3 *x)
+{
+    const scatter_medium *medium = &d->medium->desc;
+    const scatter_vec3 to = d->source.directional ? scatteri_scale(d->source.direction, -1.0f)
+                                                  : scatteri_sub(d->source.position, *x);
+    float t0 = 0.0f, t1 = d->source.directional ? SCATTERI_FAR : 1.0f;
+    if (!medium->bounded || scatteri_inside(medium->bounds, *x))
+        return 1;
+    if (!scatteri_clip(medium->bounds, *x, to, &t0, &t1))
+        return 0;
+    *x = scatteri_along(*x, to, t0);
+    return 1;
 }
 
 SCATTER_API float scatter_depth_at(const scatter_depth *d, scatter_vec3 x)
 {
     scatteri_points p;
     float analytic[SCATTERI_LANES];
-    int l;
-    if (d == NULL || !d->ready)
+    if (d == NULL || !d->ready || !scatteri_enter_bounds(d, &x))
         return 0.0f;
-    for (l = 0; l < SCATTERI_LANES; l++) {
-        p.x[l] = x.x;
-        p.y[l] = x.y;
-        p.z[l] = x.z;
-        analytic[l] = 0.0f;
-    }
-    if (d->medium->desc.bounded && !scatteri_inside(d->medium->desc.bounds, x)) {
-        /* The part outside adds nothing: start where the segment enters the bounds. */
-        float t0 = 0.0f, t1;
-        scatteri_points q = p;
-        scatter_medium unbounded = d->medium->desc;
-        unbounded.bounded = 0;
-        scatteri_face_source(&d->source, &unbounded, SCATTERI_LANES, &q);
-        t1 = q.distance[0];
-        if (!scatteri_clip(d->medium->desc.bounds, x, scatteri_v3(q.dx[0], q.dy[0], q.dz[0]), &t0, &t1))
-            return 0.0f;
-        for (l = 0; l < SCATTERI_LANES; l++) {
-            p.x[l] += t0 * q.dx[l];
-            p.y[l] += t0 * q.dy[l];
-            p.z[l] += t0 * q.dz[l];
-        }
-    }
+    p.ref = x;
+    memset(p.x, 0, SCATTERI_LANES * sizeof(float));
+    memset(p.y, 0, SCATTERI_LANES * sizeof(float));
+    memset(p.z, 0, SCATTERI_LANES * sizeof(float));
+    memset(analytic, 0, sizeof analytic);
     scatteri_face_source(&d->source, &d->medium->desc, SCATTERI_LANES, &p);
     scatteri_add_analytic(&d->medium->desc, SCATTERI_LANES, &p, analytic);
     return analytic[0] + scatteri_depth_at_point(d, &p);
 }
 
 /* ----------------------------------------------------------------------------------------- >>source
-   What 16 points at a time send towards the eye: direct light, through the medium, times the phase function. */
+   What points send towards the eye: direct light, through the medium, times the phase function. Points lie in rows:
+   point i belongs to ray i % 16. */
 
 typedef struct scatteri_light {
     scatter_light desc;    /* direction of unit length */
@@ -2971,6 +3073,14 @@ typedef struct scatteri_light {
     float cos_inner, cos_outer;
     scatter_depth depth;
 } scatteri_light;
+
+/* Gauss-Legendre on -1..1. */
+typedef struct scatteri_rule {
+    int count;
+    float node[SCATTERI_NODES], weight[SCATTERI_NODES];
+} scatteri_rule;
+
+enum { SCATTERI_EIGHTH = 8, SCATTERI_RULES = 20 };
 
 struct scatter_context {
     scatter_host host;
@@ -2985,52 +3095,44 @@ struct scatter_context {
     const scatteri_field *fields; /* sampled along eye rays: the grids, or the injected density */
     int field_count;
     int exact;                    /* Gaussians are evaluated at the nodes */
-    /* Rules on -1..1, filled up to whole lanes with weight 0: Gauss-Legendre, and the middles of equal cells. */
-    float node[SCATTERI_NODES], weight[SCATTERI_NODES], cell_node[SCATTERI_NODES], cell_weight[SCATTERI_NODES];
+    scatteri_rule rules[SCATTERI_RULES]; /* rule i has about (i + 1)/8 of `nodes` nodes */
     int ready;
     scatter_stats stats;
 };
 
-/* Nodes of a quadrature on the eye ray. */
+/* Nodes of a quadrature on 16 eye rays, and what the medium is there. */
 typedef struct scatteri_nodes {
-    int count;   /* multiple of 16; what was added to fill up has weight 0 */
-    int cells;   /* nodes are the middles of cells in which density counts as constant */
-    float t[SCATTERI_NODES], weight[SCATTERI_NODES]; /* m */
-    float density[SCATTERI_NODES], depth[SCATTERI_NODES]; /* of the medium, from the eye */
+    int count;   /* points: rows times 16 */
+    float t[SCATTERI_POINTS], weight[SCATTERI_POINTS]; /* m */
+    float cell[SCATTERI_POINTS];    /* length of the cell around the node in which density counts as constant; 0: none */
+    float density[SCATTERI_POINTS], depth[SCATTERI_POINTS]; /* depth from the eye */
     scatteri_points points;
 } scatteri_nodes;
 
-/* How a light is seen from the ray: foot of the perpendicular and distance. */
+/* How a light is seen from the rays: foot of the perpendicular and distance. */
 typedef struct scatteri_map {
-    int local;   /* else directional or no light: u = t */
-    float t0;    /* ray parameter closest to the light */
-    float d2;    /* squared distance there */
-    float d;     /* sqrt(d2 + R^2), never 0: t = t0 + d sinh(u) */
+    int local;                 /* else directional or no light: u = t */
+    float t0[SCATTERI_LANES];  /* ray parameter closest to the light */
+    float d2[SCATTERI_LANES];  /* squared distance there */
+    float d[SCATTERI_LANES];   /* sqrt(d2 + R^2), never 0: t = t0 + d sinh(u) */
+    float omc[SCATTERI_LANES]; /* 1 - cos of the scattering angle of a directional light */
 } scatteri_map;
 
-static scatteri_map scatteri_no_map(void)
+static void scatteri_map_light(const scatteri_rays *rays, const scatteri_light *light, scatteri_map *map)
 {
-    scatteri_map map;
-    map.local = 0;
-    map.t0 = map.d2 = 0.0f;
-    map.d = 1.0f;
-    return map;
-}
-
-static scatteri_map scatteri_map_light(const scatteri_line *line, const scatteri_light *light)
-{
-    scatteri_map map = scatteri_no_map();
-    scatter_vec3 to, off;
-    if (light->source.directional)
-        return map;
-    to = scatteri_sub(light->desc.position, line->origin);
-    map.local = 1;
-    map.t0 = scatteri_dot(to, line->direction);
-    off = scatteri_sub(to, scatteri_scale(line->direction, map.t0));
-    map.d2 = scatteri_dot(off, off);
-    map.d = scatteri_sqrt(map.d2 + light->desc.radius * light->desc.radius);
-    map.d = scatteri_max(map.d, 1e-6f * scatteri_max(1e-3f, scatteri_abs(map.t0)));
-    return map;
+    const scatter_vec3 s = scatteri_sub(light->desc.position, rays->ref);
+    int l;
+    map->local = !light->source.directional;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const scatter_vec3 u = scatteri_ray_direction(rays, l), to = scatteri_sub(s, scatteri_ray_origin(rays, l));
+        const float t0 = scatteri_dot(to, u);
+        const scatter_vec3 off = scatteri_sub(to, scatteri_scale(u, t0));
+        const float d2 = scatteri_dot(off, off), r = light->desc.radius;
+        map->t0[l] = t0;
+        map->d2[l] = d2;
+        map->d[l] = scatteri_max(scatteri_sqrt(d2 + r * r), 1e-6f * scatteri_max(1e-3f, scatteri_abs(t0)));
+        map->omc[l] = scatteri_omc(light->desc.direction, scatteri_scale(u, -1.0f));
+    }
 }
 
 /* t and dt/du at u on the way to a local light. */
@@ -3040,18 +3142,18 @@ SCATTERI_FN scatteri_vec2 scatteri_stretch(float t0, float d, float u)
     return scatteri_v2(t0 + d * (up - down), d * (up + down));
 }
 
-static float scatteri_to_u(const scatteri_map *map, float t)
+SCATTERI_FN float scatteri_to_u(const scatteri_map *map, int l, float t)
 {
-    return map->local ? scatteri_asinh((t - map->t0) / map->d) : t;
+    return map->local ? scatteri_asinh((t - map->t0[l]) / map->d[l]) : t;
 }
 
-static float scatteri_to_t(const scatteri_map *map, float u)
+SCATTERI_FN float scatteri_to_t(const scatteri_map *map, int l, float u)
 {
-    return map->local ? scatteri_stretch(map->t0, map->d, u).x : u;
+    return map->local ? scatteri_stretch(map->t0[l], map->d[l], u).x : u;
 }
 
-/* Depth from the nodes' points to the light: Gaussians and grids by the light's method, the rest closed. */
-static void scatteri_light_depth(const scatter_context *c, const scatteri_light *light, const scatteri_line *span,
+/* Depth from the points to the light: Gaussians and grids by the light's method, the rest closed. */
+static void scatteri_light_depth(const scatter_context *c, const scatteri_light *light, const scatteri_rays *span,
                                  scatteri_nodes *n, float *depth)
 {
     memset(depth, 0, (size_t)n->count * sizeof(float));
@@ -3061,30 +3163,34 @@ static void scatteri_light_depth(const scatter_context *c, const scatteri_light 
     if (light->depth.method == SCATTER_DEPTH_CLOSED) {
         scatteri_shadows shadows;
         scatteri_begin_shadows(&shadows, &c->medium, &light->source, span);
-        scatteri_add_shadows(&shadows, n->count, n->t, &n->points, depth);
+        scatteri_add_shadows(&shadows, n->count, &n->points, depth);
     } else {
         scatteri_read_depth(&light->depth, n->count, &n->points, depth);
     }
 }
 
-/* Weight times density times irradiance per intensity times phase function, at all nodes. */
+/* Weight times density times irradiance per intensity times phase function. */
 SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const scatteri_map *map, scatteri_lobes lobes,
-                                          scatter_vec3 ray, const scatteri_nodes *n, float *SCATTERI_RESTRICT out)
+                                          const scatteri_nodes *n, float *SCATTERI_RESTRICT out)
 {
     const scatter_vec3 w = light->desc.direction;
     const float r2 = light->desc.radius * light->desc.radius;
-    const float omc_directional = scatteri_omc(w, scatteri_scale(ray, -1.0f));
-    const int local = map->local, spot = light->desc.kind == SCATTER_LIGHT_SPOT;
+    const int spot = light->desc.kind == SCATTER_LIGHT_SPOT;
     int first, l;
     for (first = 0; first < n->count; first += SCATTERI_LANES) {
         float omc[SCATTERI_LANES], fall[SCATTERI_LANES];
         for (l = 0; l < SCATTERI_LANES; l++) {
-            const float s = n->t[first + l] - map->t0;
-            const float q2 = scatteri_max(map->d2 + s * s, 1e-30f), q = scatteri_sqrt(q2);
-            const float away = (q + s) / q, back = map->d2 / (q * (q + scatteri_abs(s)));
-            omc[l] = local ? (s < 0.0f ? back : away) : omc_directional;
-            fall[l] = local ? 1.0f / (q2 + r2) : 1.0f;
+            omc[l] = map->omc[l];
+            fall[l] = n->weight[first + l] * n->density[first + l];
         }
+        if (map->local)
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const float s = n->t[first + l] - map->t0[l];
+                const float q2 = scatteri_max(map->d2[l] + s * s, 1e-30f), inverse = scatteri_rsqrt(q2), q = q2 * inverse;
+                const float back = map->d2[l] * inverse / (q + scatteri_abs(s));
+                omc[l] = scatteri_choose(s, 0.0f, back, 1.0f + s * inverse);
+                fall[l] /= q2 + r2;
+            }
         if (spot)
             for (l = 0; l < SCATTERI_LANES; l++) {
                 const int i = first + l;
@@ -3098,50 +3204,62 @@ SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const sca
             for (l = 0; l < SCATTERI_LANES; l++)
                 fall[l] *= scatteri_draine(lobes.g1, lobes.alpha1, omc[l]);
         for (l = 0; l < SCATTERI_LANES; l++)
-            out[first + l] = n->weight[first + l] * n->density[first + l] * fall[l];
+            out[first + l] = fall[l];
     }
 }
 
-/* Sum over the nodes of value times transmittance for one channel. In a cell of constant density D and length w the
-   mean transmittance is that at its entry times (1 - exp(-x))/x, x = sigma D w: no opaque cell is too dark or
-   too bright. */
-SCATTERI_HOT static float scatteri_attenuated_sum(const scatteri_nodes *n, float sigma, const float *value,
-                                                  const float *light_depth)
+/* Adds to each ray the sum over its nodes of value times transmittance, for one channel. In a cell of constant density D
+   and length w the mean transmittance is that at its entry times (1 - exp(-x))/x, x = sigma D w: no opaque cell is
+   too dark or too bright. */
+SCATTERI_HOT static void scatteri_add_attenuated(const scatteri_nodes *n, float sigma, int cells,
+                                                 const float *SCATTERI_RESTRICT value,
+                                                 const float *SCATTERI_RESTRICT light_depth,
+                                                 float *SCATTERI_RESTRICT sum)
 {
-    float sum[SCATTERI_LANES], total = 0.0f;
     int first, l;
-    for (l = 0; l < SCATTERI_LANES; l++)
-        sum[l] = 0.0f;
     for (first = 0; first < n->count; first += SCATTERI_LANES) {
         float factor[SCATTERI_LANES], depth[SCATTERI_LANES];
         for (l = 0; l < SCATTERI_LANES; l++) {
             factor[l] = value[first + l];
             depth[l] = n->depth[first + l];
         }
-        if (n->cells)
+        if (cells)
             for (l = 0; l < SCATTERI_LANES; l++) {
-                const float x = n->density[first + l] * n->weight[first + l];
+                const float x = n->density[first + l] * n->cell[first + l];
                 depth[l] = scatteri_max(depth[l] - 0.5f * x, 0.0f);
                 factor[l] *= scatteri_exprel(-sigma * x);
             }
         for (l = 0; l < SCATTERI_LANES; l++)
-            sum[l] += factor[l] * scatteri_exp(-sigma * (depth[l] + light_depth[first + l]));
+            sum[l] += factor[l] * scatteri_decay(sigma * (depth[l] + light_depth[first + l]));
     }
-    for (l = 0; l < SCATTERI_LANES; l++)
-        total += sum[l];
-    return total;
 }
 
-/* The same for RGB; one channel serves all three where extinction has no colour. */
-static scatter_vec3 scatteri_attenuated_rgb(const scatteri_medium *m, const scatteri_nodes *n, const float *value,
-                                            const float *light_depth)
+/* Radiance of 16 rays, channel by channel. */
+typedef struct scatteri_radiance {
+    float r[SCATTERI_LANES], g[SCATTERI_LANES], b[SCATTERI_LANES];
+} scatteri_radiance;
+
+/* Adds gain times the attenuated sum; one channel serves all three where extinction has no colour. */
+static void scatteri_add_rgb(const scatter_context *c, const scatteri_nodes *n, const float *value,
+                             const float *light_depth, scatter_vec3 gain, scatteri_radiance *radiance)
 {
-    const scatter_vec3 s = m->desc.extinction;
-    scatter_vec3 sum;
-    sum.x = scatteri_attenuated_sum(n, s.x, value, light_depth);
-    sum.y = m->gray ? sum.x : scatteri_attenuated_sum(n, s.y, value, light_depth);
-    sum.z = m->gray ? sum.x : scatteri_attenuated_sum(n, s.z, value, light_depth);
-    return sum;
+    const scatter_vec3 s = c->medium.desc.extinction;
+    const int cells = c->field_count > 0;
+    float r[SCATTERI_LANES], g[SCATTERI_LANES], b[SCATTERI_LANES];
+    int l;
+    memset(r, 0, sizeof r);
+    memset(g, 0, sizeof g);
+    memset(b, 0, sizeof b);
+    scatteri_add_attenuated(n, s.x, cells, value, light_depth, r);
+    if (!c->medium.gray) {
+        scatteri_add_attenuated(n, s.y, cells, value, light_depth, g);
+        scatteri_add_attenuated(n, s.z, cells, value, light_depth, b);
+    }
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        radiance->r[l] += gain.x * r[l];
+        radiance->g[l] += gain.y * (c->medium.gray ? r[l] : g[l]);
+        radiance->b[l] += gain.z * (c->medium.gray ? r[l] : b[l]);
+    }
 }
 
 static int scatteri_lit(const scatter_context *c, const scatteri_light *light, scatter_vec3 x)
@@ -3154,27 +3272,51 @@ static int scatteri_lit(const scatter_context *c, const scatteri_light *light, s
 
 static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth)
 {
-    return scatteri_v3(scatteri_exp(-m->desc.extinction.x * depth), scatteri_exp(-m->desc.extinction.y * depth),
-                       scatteri_exp(-m->desc.extinction.z * depth));
+    const scatter_vec3 s = m->desc.extinction;
+    scatter_vec3 t;
+    t.x = scatteri_exp(-s.x * depth);
+    t.y = m->gray ? t.x : scatteri_exp(-s.y * depth);
+    t.z = m->gray ? t.x : scatteri_exp(-s.z * depth);
+    return t;
 }
 
 /* --------------------------------------------------------------------------------------------- >>ray
-   The integral along the eye ray. The ray is cut where the medium is not smooth (bounds, voxels, cones of spots,
-   edges of shadows), the pieces are cut into panels as the medium needs, a panel takes `nodes` nodes. */
+   The integral along the eye rays. A ray is cut where the medium is not smooth (bounds, voxels, cones of spots, edges of
+   shadows), the pieces are cut into panels as the medium needs, a panel takes `nodes` nodes. Each ray makes its own
+   list of panels; then panel p of all 16 rays is evaluated at once. */
 
 #define SCATTERI_PANEL 14.0f /* widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel */
 
-enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 24, SCATTERI_BISECTIONS = 16, SCATTERI_MOST_PANELS = 64 };
+enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 24, SCATTERI_BISECTIONS = 16, SCATTERI_PANELS = 64 };
+
+/* Lists of panels of 16 rays. */
+typedef struct scatteri_panels {
+    int count[SCATTERI_LANES];
+    float ua[SCATTERI_PANELS][SCATTERI_LANES], ub[SCATTERI_PANELS][SCATTERI_LANES];
+    float cells[SCATTERI_PANELS][SCATTERI_LANES]; /* 1: nodes are the middles of equal cells, 0: Gauss-Legendre */
+} scatteri_panels;
+
+/* What is integrated over the same nodes: emission, one local light, or directional lights. */
+typedef struct scatteri_pass {
+    int emission;
+    int first, end;            /* lights; local ones only alone */
+    const scatteri_light *cut; /* the one light whose cone and shadows cut the ray, or NULL */
+    scatteri_map map;
+} scatteri_pass;
 
 typedef struct scatteri_eye {
     const scatter_context *context;
-    scatteri_line line;   /* depth counts from line.t0 */
+    scatteri_rays rays;           /* depth counts from rays.t0 */
     scatteri_page page;
-    float hull0, hull1;   /* Gaussians reach the ray in between; hull0 > hull1: none does */
-    float reach1;         /* behind it none has density, whether the ray goes there or not */
-    int samples;          /* of voxel density along the ray: at profile0 + i step, i = 0..samples */
-    float profile0, profile1, step, voxel;
-    float density[SCATTERI_PROFILE + 2 * SCATTERI_LANES], depth[SCATTERI_PROFILE + 2 * SCATTERI_LANES];
+    float hull0[SCATTERI_LANES], hull1[SCATTERI_LANES]; /* Gaussians reach the ray in between; none if 0 > 1 */
+    float features[SCATTERI_LANES]; /* most features a metre, see "panels" */
+    int samples;                  /* cells of the profile: voxel depth along the rays */
+    float profile0[SCATTERI_LANES], profile1[SCATTERI_LANES], step[SCATTERI_LANES], voxel[SCATTERI_LANES];
+    float profile[SCATTERI_PROFILE + 1][SCATTERI_LANES];
+    scatteri_pass pass;
+    scatteri_panels panels;
+    scatteri_nodes nodes;
+    scatteri_radiance radiance;
 } scatteri_eye;
 
 /* How far an unbounded medium is followed: to where it is opaque, or has thinned out, or to the horizon. */
@@ -3199,184 +3341,184 @@ static float scatteri_horizon(const scatteri_medium *m, scatter_vec3 o, scatter_
     return far;
 }
 
-/* How many features a metre the Gaussians of the page have: one in each width 1/a, more at the edges of opaque ones,
-   fewer where a Gaussian is faint beside the strongest on the ray. */
-SCATTERI_HOT static void scatteri_rate_page(scatteri_page *page, float sigma)
+/* Features a metre of a Gaussian on a ray: one in each width 1/a, more at the edge of an opaque one. */
+SCATTERI_FN float scatteri_rate(float a, float sigma, float behind)
 {
-    float strongest = 0.0f;
-    int first, i;
-    for (i = 0; i < page->count; i++)
-        strongest = scatteri_max(strongest, page->peak[i]);
-    for (first = 0; first < page->count; first += SCATTERI_LANES)
-        for (i = first; i < first + SCATTERI_LANES; i++) {
-            const float edge = 1.0f + 0.2f * scatteri_log(1.0f + 2.0f * sigma * page->peak[i]);
-            page->rate[i] = page->a[i] * edge * scatteri_choose(page->peak[i], 1e-3f * strongest, 0.3f, 1.0f);
-        }
+    return a * (1.0f + 0.2f * scatteri_log(1.0f + sigma * behind));
 }
 
-static void scatteri_find_hull(scatteri_eye *eye)
+/* Where the page's Gaussians reach each ray, and the most features a metre. */
+SCATTERI_HOT static void scatteri_find_hull(scatteri_eye *eye, float sigma)
 {
     const scatteri_page *page = &eye->page;
-    int i;
-    eye->hull0 = SCATTERI_FAR;
-    eye->hull1 = -SCATTERI_FAR;
-    for (i = 0; i < page->count; i++) {
-        eye->hull0 = scatteri_min(eye->hull0, page->m[i] - page->half[i]);
-        eye->hull1 = scatteri_max(eye->hull1, page->m[i] + page->half[i]);
+    const scatteri_rays *rays = &eye->rays;
+    int g, l;
+    for (g = 0; g < page->count; g++) {
+        const float a = page->a[g], inverse = 1.0f / a, reach = page->reach[g];
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float half = scatteri_sqrt(scatteri_max(reach - page->fade[g][l], 0.0f)) * inverse;
+            const float m = page->m[g][l], rate = scatteri_rate(a, sigma, page->behind[g][l]);
+            const float low = scatteri_choose(0.0f, half, m - half, SCATTERI_FAR);
+            const float high = scatteri_choose(0.0f, half, m + half, -SCATTERI_FAR);
+            eye->hull0[l] = scatteri_min(eye->hull0[l], low);
+            eye->hull1[l] = scatteri_max(eye->hull1[l], high);
+            eye->features[l] = scatteri_max(eye->features[l], scatteri_choose(0.0f, half, rate, 0.0f));
+        }
     }
-    eye->reach1 = eye->hull1;
-    if (!page->complete && page->count > 0) {
-        eye->hull0 = eye->line.t0;
-        eye->hull1 = eye->line.t1;
-    }
-    eye->hull0 = scatteri_max(eye->hull0, eye->line.t0);
-    eye->hull1 = scatteri_min(eye->hull1, eye->line.t1);
-}
-
-/* Reads the fields at 16 points of the profile from number `first` on. */
-static void scatteri_sample_profile(scatteri_eye *eye, int first)
-{
-    const scatteri_line *line = &eye->line;
-    float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES], *density = eye->density + first;
-    int l, f;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float t = eye->profile0 + (float)(first + l) * eye->step;
-        x[l] = line->origin.x + t * line->direction.x;
-        y[l] = line->origin.y + t * line->direction.y;
-        z[l] = line->origin.z + t * line->direction.z;
-        density[l] = 0.0f;
-    }
-    for (f = 0; f < eye->context->field_count; f++) {
-        const scatteri_field *field = &eye->context->fields[f];
-        if (scatteri_may_be_filled(field, scatteri_v3(x[0], y[0], z[0]),
-                                   scatteri_v3(x[SCATTERI_LANES - 1], y[SCATTERI_LANES - 1], z[SCATTERI_LANES - 1])))
-            scatteri_add_field(field, SCATTERI_LANES, x, y, z, density);
+        eye->hull0[l] = page->complete ? scatteri_max(eye->hull0[l], rays->t0[l]) : rays->t0[l];
+        eye->hull1[l] = page->complete ? scatteri_min(eye->hull1[l], rays->t1[l]) : rays->t1[l];
     }
 }
 
-/* The stretch of the ray inside the fields' boxes, and the length of a voxel along it. */
-static int scatteri_profile_range(scatteri_eye *eye)
+/* --- profile of voxel density: its running integral along the rays, once for all lights --- */
+
+/* The stretch of ray l inside the fields' boxes, and the length of a voxel along it. */
+static void scatteri_profile_range(scatteri_eye *eye, int l)
 {
     const scatter_context *c = eye->context;
+    const scatter_vec3 d = scatteri_ray_direction(&eye->rays, l);
     int f;
-    eye->profile0 = SCATTERI_FAR;
-    eye->profile1 = -SCATTERI_FAR;
-    eye->voxel = SCATTERI_FAR;
+    eye->profile0[l] = SCATTERI_FAR;
+    eye->profile1[l] = -SCATTERI_FAR;
+    eye->voxel[l] = SCATTERI_FAR;
     for (f = 0; f < c->field_count; f++) {
         const scatteri_field *field = &c->fields[f];
-        const scatter_vec3 rate = scatteri_mul(eye->line.direction, field->per_metre);
-        float t0 = eye->line.t0, t1 = eye->line.t1;
-        if (!scatteri_clip(field->grid.box, eye->line.origin, eye->line.direction, &t0, &t1))
+        const scatter_vec3 rate = scatteri_mul(d, field->per_metre);
+        const float most = scatteri_max(scatteri_abs(rate.x), scatteri_max(scatteri_abs(rate.y), scatteri_abs(rate.z)));
+        float t0 = eye->rays.t0[l], t1 = eye->rays.t1[l];
+        if (!scatteri_clip(scatteri_box_from(field->grid.box, eye->rays.ref), scatteri_ray_origin(&eye->rays, l), d, &t0,
+                           &t1))
             continue;
-        eye->profile0 = scatteri_min(eye->profile0, t0);
-        eye->profile1 = scatteri_max(eye->profile1, t1);
-        eye->voxel = scatteri_min(eye->voxel, 1.0f / scatteri_max(scatteri_abs(rate.x),
-                                              scatteri_max(scatteri_abs(rate.y), scatteri_abs(rate.z))));
+        eye->profile0[l] = scatteri_min(eye->profile0[l], t0);
+        eye->profile1[l] = scatteri_max(eye->profile1[l], t1);
+        eye->voxel[l] = scatteri_min(eye->voxel[l], 1.0f / most);
     }
-    return eye->profile0 < eye->profile1;
+    if (!(eye->profile0[l] < eye->profile1[l]))
+        eye->profile0[l] = eye->profile1[l] = eye->rays.t0[l];
 }
 
-/* Voxel density and its running integral along the ray, once for all lights. */
+/* Adds the cells i of the profile; returns whether a ray still sees through. */
+static int scatteri_extend_profile(scatteri_eye *eye, int i)
+{
+    const scatter_context *c = eye->context;
+    float t[SCATTERI_LANES], density[SCATTERI_LANES], least = SCATTERI_FAR;
+    int l, f;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        t[l] = eye->profile0[l] + ((float)i + 0.5f) * eye->step[l];
+        density[l] = 0.0f;
+    }
+    for (f = 0; f < c->field_count; f++)
+        scatteri_sample_field(&c->fields[f], &eye->rays, t, density);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        eye->profile[i + 1][l] = eye->profile[i][l] + density[l] * eye->step[l];
+        least = scatteri_min(least, eye->step[l] > 0.0f ? eye->profile[i + 1][l] : SCATTERI_FAR);
+    }
+    return c->medium.sigma_least * least < SCATTERI_OPAQUE;
+}
+
 static void scatteri_take_profile(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
-    int i, first;
-    eye->samples = 0;
-    eye->depth[0] = 0.0f;
-    if (c->field_count == 0 || !scatteri_profile_range(eye))
+    float voxels = 0.0f;
+    int i, l, samples;
+    if (c->field_count == 0)
         return;
-    eye->step = scatteri_max(eye->voxel * 16.0f / (float)c->quality.nodes,
-                             (eye->profile1 - eye->profile0) / (float)(SCATTERI_PROFILE - 1));
-    eye->samples = (int)ceil((double)((eye->profile1 - eye->profile0) / eye->step));
-    eye->samples = scatteri_clamp_int(eye->samples, 1, SCATTERI_PROFILE - 1);
-    eye->step = (eye->profile1 - eye->profile0) / (float)eye->samples;
-    for (first = 0; first <= eye->samples; first += SCATTERI_LANES) {
-        scatteri_sample_profile(eye, first);
-        for (i = first; i < first + SCATTERI_LANES; i++)
-            if (i > 0)
-                eye->depth[i] = eye->depth[i - 1] + 0.5f * eye->step * (eye->density[i - 1] + eye->density[i]);
-        if (c->medium.sigma_least * eye->depth[first + SCATTERI_LANES - 1] > SCATTERI_OPAQUE &&
-            first + SCATTERI_LANES - 1 < eye->samples) {
-            eye->samples = first + SCATTERI_LANES - 1;
-            eye->profile1 = eye->profile0 + (float)eye->samples * eye->step;
-            eye->line.t1 = eye->profile1;
-        }
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        scatteri_profile_range(eye, l);
+        voxels = scatteri_max(voxels, (eye->profile1[l] - eye->profile0[l]) / eye->voxel[l]);
+        eye->profile[0][l] = 0.0f;
     }
+    if (!(voxels > 0.0f))
+        return;
+    samples = (int)scatteri_clamp(voxels * (float)c->quality.nodes / SCATTERI_VOXELS, 0.0f, (float)SCATTERI_PROFILE - 1.0f) + 1;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        eye->step[l] = (eye->profile1[l] - eye->profile0[l]) / (float)samples;
+    for (i = 0; i < samples; i++)
+        if (!scatteri_extend_profile(eye, i))
+            break;
+    eye->samples = i < samples ? i + 1 : samples;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        eye->profile1[l] = eye->profile0[l] + (float)eye->samples * eye->step[l];
 }
 
-/* Adds the profile's density and depth at the nodes: density linear between samples, depth its integral. */
+/* Adds the profile's density and depth at points. */
 SCATTERI_HOT static void scatteri_add_profile(const scatteri_eye *eye, int count, const float *SCATTERI_RESTRICT t,
                                               float *SCATTERI_RESTRICT density, float *SCATTERI_RESTRICT depth)
 {
-    const float p0 = eye->profile0, p1 = eye->profile1, step = eye->step, inverse = 1.0f / eye->step;
     const float top = (float)eye->samples;
-    const float *d = eye->density, *tau = eye->depth;
+    const float *profile = &eye->profile[0][0];
     int first, l;
     for (first = 0; first < count; first += SCATTERI_LANES)
-        for (l = first; l < first + SCATTERI_LANES; l++) {
-            const float g = scatteri_clamp((t[l] - p0) * inverse, 0.0f, top);
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float step = scatteri_max(eye->step[l], 1e-30f), at = (t[first + l] - eye->profile0[l]) / step;
+            const float g = scatteri_clamp(at, 0.0f, top);
             const int i = (int)scatteri_min(g, top - 1.0f);
-            const float f = g - (float)i, a = d[i], b = d[i + 1];
-            const float inside = (float)((t[l] >= p0) & (t[l] <= p1));
-            density[l] += inside * (a + f * (b - a));
-            depth[l] += tau[i] + step * f * (a + 0.5f * f * (b - a));
+            const float a = profile[i * SCATTERI_LANES + l], b = profile[(i + 1) * SCATTERI_LANES + l];
+            const float inside = (float)((at >= 0.0f) & (at <= top));
+            density[first + l] += inside * (b - a) / step;
+            depth[first + l] += a + (g - (float)i) * (b - a);
+        }
+}
+
+/* --- evaluation --- */
+
+SCATTERI_HOT static void scatteri_place_points(const scatteri_rays *rays, scatteri_nodes *n)
+{
+    int first, l;
+    n->points.ref = rays->ref;
+    for (first = 0; first < n->count; first += SCATTERI_LANES)
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            n->points.x[first + l] = rays->ox[l] + n->t[first + l] * rays->dx[l];
+            n->points.y[first + l] = rays->oy[l] + n->t[first + l] * rays->dy[l];
+            n->points.z[first + l] = rays->oz[l] + n->t[first + l] * rays->dz[l];
+            n->density[first + l] = n->depth[first + l] = 0.0f;
         }
 }
 
 /* Positions of the nodes, their density and depth. */
-static void scatteri_fill_nodes(scatteri_eye *eye, scatteri_nodes *n)
+static void scatteri_fill_nodes(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
-    const scatteri_line *line = &eye->line;
-    int i;
-    for (i = 0; i < n->count; i++) {
-        n->points.x[i] = line->origin.x + n->t[i] * line->direction.x;
-        n->points.y[i] = line->origin.y + n->t[i] * line->direction.y;
-        n->points.z[i] = line->origin.z + n->t[i] * line->direction.z;
-        n->density[i] = n->depth[i] = 0.0f;
-    }
+    const scatteri_rays *rays = &eye->rays;
+    scatteri_nodes *n = &eye->nodes;
+    scatteri_place_points(rays, n);
     if (c->exact && c->medium.gaussians.count > 0)
-        scatteri_add_gaussians(&c->medium.gaussians, line, &eye->page, n->count, n->t, n->density, n->depth);
+        scatteri_add_gaussians(&c->medium.gaussians, rays, &eye->page, n->count, n->t, n->density, n->depth);
     if (eye->samples > 0)
         scatteri_add_profile(eye, n->count, n->t, n->density, n->depth);
-    for (i = 0; i < n->count && c->medium.has_analytic; i++) {
-        n->density[i] += scatteri_analytic_density(&c->medium.desc, n->points.y[i]);
-        n->depth[i] += scatteri_analytic_depth(&c->medium.desc,
-                                               line->origin.y + line->t0 * line->direction.y,
-                                               line->direction.y, n->t[i] - line->t0);
-    }
+    if (c->medium.has_analytic)
+        scatteri_add_fog(&c->medium.desc, rays, n->count, n->t, n->density, n->depth);
 }
 
-/* Nodes on the panel ua..ub of the map: Gauss-Legendre, or the middles of equal cells. */
-SCATTERI_HOT static void scatteri_place_nodes(const scatter_context *c, const scatteri_map *map, float ua, float ub,
-                                              int cells, scatteri_nodes *n)
+/* Rows first..first+rows of the nodes of panel p. */
+SCATTERI_HOT static void scatteri_place_nodes(const scatteri_rule *rule, const scatteri_map *map,
+                                              const scatteri_panels *panels, int p, int first, int rows,
+                                              scatteri_nodes *n)
 {
-    const int real = c->quality.nodes, local = map->local;
-    const float middle = 0.5f * (ua + ub), half = 0.5f * (ub - ua), t0 = map->t0, d = map->d;
-    const float *node = cells ? c->cell_node : c->node, *weight = cells ? c->cell_weight : c->weight;
-    int first, l;
-    n->count = (real + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
-    n->cells = cells;
-    for (first = 0; first < n->count; first += SCATTERI_LANES) {
+    const float count = (float)rule->count;
+    const float *ua = panels->ua[p], *ub = panels->ub[p], *cells = panels->cells[p];
+    int k, l;
+    n->count = rows * SCATTERI_LANES;
+    for (k = 0; k < rows; k++) {
+        const float node = rule->node[first + k], weight = rule->weight[first + k];
+        const float middle = (2.0f * (float)(first + k) + 1.0f) / count - 1.0f;
+        float *t = n->t + k * SCATTERI_LANES, *w = n->weight + k * SCATTERI_LANES, *cell = n->cell + k * SCATTERI_LANES;
         for (l = 0; l < SCATTERI_LANES; l++) {
-            n->t[first + l] = middle + half * node[first + l];
-            n->weight[first + l] = half * weight[first + l];
+            const float half = 0.5f * (ub[l] - ua[l]);
+            t[l] = ua[l] + half * (1.0f + node + cells[l] * (middle - node));
+            w[l] = half * (weight + cells[l] * (2.0f / count - weight));
         }
-        for (l = 0; l < SCATTERI_LANES && local; l++) {
-            const scatteri_vec2 at = scatteri_stretch(t0, d, n->t[first + l]);
-            n->t[first + l] = at.x;
-            n->weight[first + l] *= at.y;
-        }
+        if (map->local)
+            for (l = 0; l < SCATTERI_LANES; l++) {
+                const scatteri_vec2 at = scatteri_stretch(map->t0[l], map->d[l], t[l]);
+                t[l] = at.x;
+                w[l] *= at.y;
+            }
+        for (l = 0; l < SCATTERI_LANES; l++)
+            cell[l] = cells[l] * w[l];
     }
 }
-
-/* What is integrated over the same nodes: emission, one local light, or directional lights. */
-typedef struct scatteri_pass {
-    int emission;
-    int first, end;            /* lights; local ones only alone */
-    const scatteri_light *cut; /* the one light whose cone and shadows cut the ray, or NULL */
-    scatteri_map map;
-} scatteri_pass;
 
 static int scatteri_in_pass(const scatter_context *c, const scatteri_pass *pass, int light)
 {
@@ -3384,67 +3526,122 @@ static int scatteri_in_pass(const scatter_context *c, const scatteri_pass *pass,
     return c->lights[light].source.directional != pass->map.local && (i.x > 0.0f || i.y > 0.0f || i.z > 0.0f);
 }
 
-static void scatteri_add_emission(const scatter_context *c, const scatteri_nodes *n, scatter_vec3 *radiance)
+static void scatteri_add_emission(scatteri_eye *eye)
 {
-    float value[SCATTERI_NODES], none[SCATTERI_NODES];
+    const scatteri_nodes *n = &eye->nodes;
+    float value[SCATTERI_POINTS], none[SCATTERI_POINTS];
     int i;
     for (i = 0; i < n->count; i++) {
         value[i] = n->weight[i] * n->density[i];
         none[i] = 0.0f;
     }
-    *radiance = scatteri_add(*radiance, scatteri_mul(c->medium.desc.emission,
-                                                     scatteri_attenuated_rgb(&c->medium, n, value, none)));
+    scatteri_add_rgb(eye->context, n, value, none, eye->context->medium.desc.emission, &eye->radiance);
 }
 
-static void scatteri_add_light(const scatter_context *c, const scatteri_light *light, const scatteri_map *map,
-                               const scatteri_line *span, scatteri_nodes *n, int probe, scatter_vec3 *radiance)
-{
-    float value[SCATTERI_NODES], depth[SCATTERI_NODES];
-    scatter_vec3 sum;
-    int i;
-    scatteri_light_depth(c, light, span, n, depth);
-    scatteri_scatter(light, map, c->medium.lobes, span->direction, n, value);
-    for (i = 0; probe && i < n->count; i++)
-        if (value[i] > 0.0f && !scatteri_lit(c, light, scatteri_v3(n->points.x[i], n->points.y[i], n->points.z[i])))
-            value[i] = 0.0f;
-    sum = scatteri_attenuated_rgb(&c->medium, n, value, depth);
-    sum = scatteri_mul(sum, scatteri_mul(light->desc.intensity, c->medium.desc.albedo));
-    *radiance = scatteri_add(*radiance, scatteri_mul(sum, c->medium.desc.extinction));
-}
-
-/* 0 where nothing more can be seen: no density, or opaque in front. */
-static int scatteri_matters(const scatter_context *c, const scatteri_nodes *n)
-{
-    float most = 0.0f;
-    int i;
-    for (i = 0; i < n->count; i++)
-        most = scatteri_max(most, n->density[i]);
-    return most > 0.0f && c->medium.sigma_least * n->depth[0] < SCATTERI_OPAQUE;
-}
-
-static void scatteri_add_panel(scatteri_eye *eye, const scatteri_pass *pass, float ua, float ub, int cells,
-                               scatter_vec3 *radiance)
+/* `probe`: ask for geometry between each node and the light. */
+static void scatteri_add_light(scatteri_eye *eye, const scatteri_light *light, const scatteri_map *map,
+                               const scatteri_rays *span, int probe)
 {
     const scatter_context *c = eye->context;
-    scatteri_nodes n;
-    scatteri_line span = eye->line;
+    scatteri_nodes *n = &eye->nodes;
+    float value[SCATTERI_POINTS], depth[SCATTERI_POINTS];
     int i;
-    scatteri_place_nodes(c, &pass->map, ua, ub, cells, &n);
-    scatteri_fill_nodes(eye, &n);
-    if (!scatteri_matters(c, &n))
-        return;
-    span.t0 = n.t[0];
-    span.t1 = n.t[n.count - 1];
-    if (pass->emission)
-        scatteri_add_emission(c, &n, radiance);
-    for (i = pass->first; i < pass->end; i++)
-        if (scatteri_in_pass(c, pass, i))
-            scatteri_add_light(c, &c->lights[i], &pass->map, &span, &n, 0, radiance);
+    scatteri_light_depth(c, light, span, n, depth);
+    scatteri_scatter(light, map, c->medium.lobes, n, value);
+    for (i = 0; probe && i < n->count; i++) {
+        const scatter_vec3 x = scatteri_v3(n->points.x[i], n->points.y[i], n->points.z[i]);
+        if (value[i] > 0.0f && !scatteri_lit(c, light, scatteri_add(n->points.ref, x)))
+            value[i] = 0.0f;
+    }
+    scatteri_add_rgb(c, n, value, depth, scatteri_mul(scatteri_mul(light->desc.intensity, c->medium.desc.albedo),
+                                                      c->medium.desc.extinction), &eye->radiance);
+}
+
+/* 0 where nothing more can be seen: no density, or opaque in front of all rays. */
+SCATTERI_HOT static int scatteri_matters(const scatteri_nodes *n, float sigma)
+{
+    float most[SCATTERI_LANES], least[SCATTERI_LANES];
+    int first, l, some = 0;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        most[l] = 0.0f;
+        least[l] = scatteri_choose(0.0f, n->weight[l], n->depth[l], SCATTERI_FAR);
+    }
+    for (first = 0; first < n->count; first += SCATTERI_LANES)
+        for (l = 0; l < SCATTERI_LANES; l++)
+            most[l] = scatteri_max(most[l], n->density[first + l] * n->weight[first + l]);
+    for (l = 0; l < SCATTERI_LANES; l++)
+        some |= (most[l] > 0.0f) & (sigma * least[l] < SCATTERI_OPAQUE);
+    return some;
+}
+
+/* The rays between the first and the last of the nodes. */
+static scatteri_rays scatteri_span_of(const scatteri_eye *eye)
+{
+    const scatteri_nodes *n = &eye->nodes;
+    scatteri_rays span = eye->rays;
+    memcpy(span.t0, n->t, sizeof span.t0);
+    memcpy(span.t1, n->t + n->count - SCATTERI_LANES, sizeof span.t1);
+    return span;
+}
+
+static void scatteri_evaluate_panel(scatteri_eye *eye, int p, const scatteri_rule *rule)
+{
+    const scatter_context *c = eye->context;
+    const scatteri_pass *pass = &eye->pass;
+    int first, i;
+    for (first = 0; first < rule->count; first += SCATTERI_ROWS) {
+        const int left = rule->count - first;
+        scatteri_rays span;
+        scatteri_place_nodes(rule, &pass->map, &eye->panels, p, first, left < SCATTERI_ROWS ? left : (int)SCATTERI_ROWS,
+                             &eye->nodes);
+        scatteri_fill_nodes(eye);
+        if (!scatteri_matters(&eye->nodes, c->medium.sigma_least))
+            continue;
+        span = scatteri_span_of(eye);
+        if (pass->emission)
+            scatteri_add_emission(eye);
+        for (i = pass->first; i < pass->end; i++) {
+            scatteri_map map = pass->map;
+            if (!scatteri_in_pass(c, pass, i))
+                continue;
+            if (!map.local)
+                scatteri_map_light(&eye->rays, &c->lights[i], &map);
+            scatteri_add_light(eye, &c->lights[i], &map, &span, 0);
+        }
+    }
+}
+
+/* Evaluates and empties all lists. */
+static void scatteri_flush(scatteri_eye *eye)
+{
+    scatteri_panels *panels = &eye->panels;
+    int most = 0, p, l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        most = panels->count[l] > most ? panels->count[l] : most;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        for (p = panels->count[l]; p < most; p++) {
+            panels->ua[p][l] = panels->ub[p][l] = scatteri_to_u(&eye->pass.map, l, eye->rays.t0[l]);
+            panels->cells[p][l] = 0.0f;
+        }
+    for (p = 0; p < most; p++)
+        scatteri_evaluate_panel(eye, p, &eye->context->rules[SCATTERI_EIGHTH - 1]);
+    memset(panels->count, 0, sizeof panels->count);
+}
+
+static void scatteri_add_panel(scatteri_eye *eye, int l, float ua, float ub, int cells)
+{
+    scatteri_panels *panels = &eye->panels;
+    if (panels->count[l] == SCATTERI_PANELS)
+        scatteri_flush(eye);
+    panels->ua[panels->count[l]][l] = ua;
+    panels->ub[panels->count[l]][l] = ub;
+    panels->cells[panels->count[l]][l] = (float)cells;
+    panels->count[l]++;
 }
 
 /* --- panels ---
-   A piece of the ray is divided into bins. A bin's rate says how many features (widths of the narrowest Gaussian,
-   of the light's peak, e-foldings of fog, voxels) fit into a unit of u; panels hold SCATTERI_PANEL of them. */
+   A piece of a ray is divided into bins. A bin's rate says how many features (widths of the narrowest Gaussian, of the
+   light's peak, e-foldings of fog, voxels) fit into a unit of u; panels hold SCATTERI_PANEL of them. */
 
 typedef struct scatteri_bins {
     float u0, width;
@@ -3453,11 +3650,13 @@ typedef struct scatteri_bins {
     float rate[SCATTERI_BINS];
 } scatteri_bins;
 
-SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, scatteri_bins *bins)
+SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, int l, float sigma, scatteri_bins *bins)
 {
     int g, b;
     for (g = 0; g < page->count; g++) {
-        const float low = page->m[g] - page->half[g], high = page->m[g] + page->half[g], rate = page->rate[g];
+        const float half = scatteri_sqrt(scatteri_max(page->reach[g] - page->fade[g][l], 0.0f)) / page->a[g];
+        const float low = page->m[g][l] - half, high = page->m[g][l] + half;
+        const float rate = scatteri_rate(page->a[g], sigma, page->behind[g][l]);
         for (b = 0; b < SCATTERI_BINS; b++) {
             const float here = rate * bins->stretch[b] * (float)((low < bins->high[b]) & (high > bins->low[b]));
             bins->rate[b] = scatteri_max(bins->rate[b], here);
@@ -3465,22 +3664,21 @@ SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, scat
     }
 }
 
-static float scatteri_analytic_rate(const scatteri_eye *eye, float t)
+static float scatteri_analytic_rate(const scatteri_eye *eye, int l, float t)
 {
     const scatter_medium *m = &eye->context->medium.desc;
-    const scatteri_line *line = &eye->line;
-    float rate = eye->context->medium.sigma_most *
-                 scatteri_analytic_density(m, line->origin.y + t * line->direction.y);
+    const float y = eye->rays.ref.y + eye->rays.oy[l] + t * eye->rays.dy[l];
+    float rate = eye->context->medium.sigma_most * scatteri_analytic_density(m, y);
     size_t i;
     for (i = 0; i < m->height_count; i++)
-        rate = scatteri_max(rate, scatteri_abs(line->direction.y) / m->heights[i].scale);
+        rate = scatteri_max(rate, scatteri_abs(eye->rays.dy[l]) / m->heights[i].scale);
     return 0.4f * rate;
 }
 
 /* Ends and middles of the bins. */
-SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, float ua, float ub, scatteri_bins *bins)
+SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, int l, float ua, float ub, scatteri_bins *bins)
 {
-    const float width = (ub - ua) / (float)SCATTERI_BINS, t0 = map->t0, d = map->d;
+    const float width = (ub - ua) / (float)SCATTERI_BINS, t0 = map->t0[l], d = map->d[l];
     int b;
     bins->u0 = ua;
     bins->width = width;
@@ -3489,7 +3687,9 @@ SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, float ua, 
         bins->high[b] = bins->low[b] + width;
         bins->stretch[b] = 1.0f;
     }
-    for (b = 0; b < SCATTERI_BINS && map->local; b++) {
+    if (!map->local)
+        return;
+    for (b = 0; b < SCATTERI_BINS; b++) {
         const scatteri_vec2 middle = scatteri_stretch(t0, d, bins->low[b] + 0.5f * width);
         bins->low[b] = scatteri_stretch(t0, d, bins->low[b]).x;
         bins->high[b] = scatteri_stretch(t0, d, bins->high[b]).x;
@@ -3497,98 +3697,97 @@ SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, float ua, 
     }
 }
 
-static void scatteri_fill_bins(scatteri_eye *eye, const scatteri_map *map, float ua, float ub, int cells,
-                               scatteri_bins *bins)
+static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int cells, scatteri_bins *bins)
 {
     const scatter_context *c = eye->context;
-    const float voxels = cells ? SCATTERI_PANEL / (16.0f * eye->voxel) : 0.0f;
+    const float voxels = cells ? SCATTERI_PANEL / (SCATTERI_VOXELS * eye->voxel[l]) : 0.0f;
     int b;
-    scatteri_place_bins(map, ua, ub, bins);
+    scatteri_place_bins(&eye->pass.map, l, ua, ub, bins);
     for (b = 0; b < SCATTERI_BINS; b++)
         bins->rate[b] = voxels * bins->stretch[b];
     for (b = 0; b < SCATTERI_BINS && c->medium.has_analytic; b++) {
-        const float analytic = scatteri_analytic_rate(eye, 0.5f * (bins->low[b] + bins->high[b]));
+        const float analytic = scatteri_analytic_rate(eye, l, 0.5f * (bins->low[b] + bins->high[b]));
         bins->rate[b] = scatteri_max(bins->rate[b], scatteri_max(analytic, 1e-30f) * bins->stretch[b]);
     }
     if (c->exact && eye->page.count > 0)
-        scatteri_rate_gaussians(&eye->page, bins);
-    for (b = 0; b < SCATTERI_BINS && map->local; b++)
+        scatteri_rate_gaussians(&eye->page, l, c->medium.sigma_most, bins);
+    for (b = 0; b < SCATTERI_BINS && eye->pass.map.local; b++)
         bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], 1.0f) : 0.0f;
 }
 
-/* A run of bins that are not empty, in panels of equal content. */
-static void scatteri_add_run(scatteri_eye *eye, const scatteri_pass *pass, const scatteri_bins *bins, int first,
-                             int end, int cells, scatter_vec3 *radiance)
+/* A run of bins that are not empty: panels of at most SCATTERI_PANEL widths of the narrowest feature in them. */
+static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins, int first, int end, int cells)
 {
-    float content = 0.0f, each, filled = 0.0f, ua = bins->u0 + (float)first * bins->width;
-    int b, panels, done = 0;
-    for (b = first; b < end; b++)
-        content += bins->rate[b] * bins->width;
-    panels = (int)scatteri_clamp(content / SCATTERI_PANEL, 0.0f, (float)(SCATTERI_MOST_PANELS - 1)) + 1;
-    each = content / (float)panels;
+    const float width = bins->width;
+    float rate = 0.0f;
+    int b, start = first, i, parts;
     for (b = first; b < end; b++) {
-        const float here = bins->rate[b] * bins->width, left = bins->u0 + (float)b * bins->width;
-        while (done < panels - 1 && filled + here >= each * (float)(done + 1)) {
-            const float ub = left + bins->width * scatteri_clamp((each * (float)(done + 1) - filled) / here, 0.0f, 1.0f);
-            scatteri_add_panel(eye, pass, ua, ub, cells, radiance);
-            ua = ub;
-            done++;
+        const float with = scatteri_max(rate, bins->rate[b]);
+        if (b > start && with * width * (float)(b + 1 - start) > SCATTERI_PANEL) {
+            scatteri_add_panel(eye, l, bins->u0 + (float)start * width, bins->u0 + (float)b * width, cells);
+            start = b;
+            rate = bins->rate[b];
+        } else {
+            rate = with;
         }
-        filled += here;
+        parts = (int)scatteri_clamp(bins->rate[b] * width / SCATTERI_PANEL, 0.0f, 63.0f) + 1;
+        for (i = 0; parts > 1 && i < parts; i++)
+            scatteri_add_panel(eye, l, bins->u0 + ((float)b + (float)i / (float)parts) * width,
+                               bins->u0 + ((float)b + (float)(i + 1) / (float)parts) * width, cells);
+        if (parts > 1) {
+            start = b + 1;
+            rate = 0.0f;
+        }
     }
-    scatteri_add_panel(eye, pass, ua, bins->u0 + (float)end * bins->width, cells, radiance);
+    if (start < end)
+        scatteri_add_panel(eye, l, bins->u0 + (float)start * width, bins->u0 + (float)end * width, cells);
 }
 
-/* Most features that the piece can hold; cheap, and often few enough for one panel. */
-static float scatteri_most_features(const scatteri_eye *eye, float ta, float tb, float ua, float ub)
+/* A piece of ray l on which only the medium's smooth shape counts. Few features fit into one panel at once. */
+static void scatteri_add_piece(scatteri_eye *eye, int l, float ta, float tb)
 {
-    const scatteri_page *page = &eye->page;
-    float narrowest = 0.0f;
-    int i;
-    for (i = 0; i < page->count; i++)
-        narrowest = scatteri_max(narrowest, page->rate[i]);
-    return narrowest * (tb - ta) + (ub - ua);
-}
-
-/* A piece of the ray on which only the medium's smooth shape counts. */
-static void scatteri_add_piece(scatteri_eye *eye, const scatteri_pass *pass, float ta, float tb, scatter_vec3 *radiance)
-{
+    const scatter_context *c = eye->context;
     const float middle = 0.5f * (ta + tb);
-    const int cells = eye->samples > 0 && middle > eye->profile0 && middle < eye->profile1;
-    const float ua = scatteri_to_u(&pass->map, ta), ub = scatteri_to_u(&pass->map, tb);
+    const int cells = eye->samples > 0 && middle > eye->profile0[l] && middle < eye->profile1[l];
+    const float ua = scatteri_to_u(&eye->pass.map, l, ta), ub = scatteri_to_u(&eye->pass.map, l, tb);
     scatteri_bins bins;
     int b = 0, end;
-    if (!cells && !eye->context->medium.has_analytic &&
-        scatteri_most_features(eye, ta, tb, ua, ub) <= SCATTERI_PANEL) {
-        scatteri_add_panel(eye, pass, ua, ub, 0, radiance);
+    if (!cells && !c->medium.has_analytic && eye->page.complete &&
+        scatteri_max(eye->features[l] * (tb - ta), eye->pass.map.local ? ub - ua : 0.0f) <= SCATTERI_PANEL) {
+        scatteri_add_panel(eye, l, ua, ub, 0);
         return;
     }
-    scatteri_fill_bins(eye, &pass->map, ua, ub, cells, &bins);
+    scatteri_fill_bins(eye, l, ua, ub, cells, &bins);
     while (b < SCATTERI_BINS) {
         for (; b < SCATTERI_BINS && !(bins.rate[b] > 0.0f); b++)
             ;
         for (end = b; end < SCATTERI_BINS && bins.rate[end] > 0.0f; end++)
             ;
         if (b < end)
-            scatteri_add_run(eye, pass, &bins, b, end, cells, radiance);
+            scatteri_add_run(eye, l, &bins, b, end, cells);
         b = end;
     }
 }
 
 /* --- pieces --- */
 
-static int scatteri_lit_at(const scatteri_eye *eye, const scatteri_light *light, float t)
+static scatter_vec3 scatteri_ray_point(const scatteri_rays *rays, int l, float t)
 {
-    return scatteri_lit(eye->context, light, scatteri_along(eye->line.origin, eye->line.direction, t));
+    return scatteri_add(rays->ref, scatteri_along(scatteri_ray_origin(rays, l), scatteri_ray_direction(rays, l), t));
+}
+
+static int scatteri_lit_at(const scatteri_eye *eye, int l, float t)
+{
+    return scatteri_lit(eye->context, eye->pass.cut, scatteri_ray_point(&eye->rays, l, t));
 }
 
 /* Where light and shadow meet between a (in state `lit`) and b (in the other). */
-static float scatteri_shadow_edge(const scatteri_eye *eye, const scatteri_light *light, float a, float b, int lit)
+static float scatteri_shadow_edge(const scatteri_eye *eye, int l, float a, float b, int lit)
 {
     int step;
     for (step = 0; step < SCATTERI_BISECTIONS; step++) {
         const float middle = 0.5f * (a + b);
-        if (scatteri_lit_at(eye, light, middle) == lit)
+        if (scatteri_lit_at(eye, l, middle) == lit)
             a = middle;
         else
             b = middle;
@@ -3597,49 +3796,55 @@ static float scatteri_shadow_edge(const scatteri_eye *eye, const scatteri_light 
 }
 
 /* The lit parts of a piece, found by probes and bisection. */
-static void scatteri_add_lit(scatteri_eye *eye, const scatteri_pass *pass, float ta, float tb, scatter_vec3 *radiance)
+static void scatteri_add_lit(scatteri_eye *eye, int l, float ta, float tb)
 {
-    const scatteri_light *light = pass->cut;
-    const float ua = scatteri_to_u(&pass->map, ta), ub = scatteri_to_u(&pass->map, tb);
+    const float ua = scatteri_to_u(&eye->pass.map, l, ta), ub = scatteri_to_u(&eye->pass.map, l, tb);
     float start = ta, before = ta;
     int probe, lit = 0, now;
     for (probe = 0; probe < SCATTERI_PROBES; probe++) {
         const float at = ((float)probe + 0.5f) / (float)SCATTERI_PROBES;
-        const float t = scatteri_to_t(&pass->map, ua + at * (ub - ua));
-        now = scatteri_lit_at(eye, light, t);
+        const float t = scatteri_to_t(&eye->pass.map, l, ua + at * (ub - ua));
+        now = scatteri_lit_at(eye, l, t) != 0;
         if (probe == 0) {
             lit = now;
         } else if (now != lit) {
-            const float edge = scatteri_shadow_edge(eye, light, before, t, lit);
+            const float edge = scatteri_shadow_edge(eye, l, before, t, lit);
             if (lit)
-                scatteri_add_piece(eye, pass, start, edge, radiance);
+                scatteri_add_piece(eye, l, start, edge);
             start = edge;
             lit = now;
         }
         before = t;
     }
     if (lit)
-        scatteri_add_piece(eye, pass, start, tb, radiance);
+        scatteri_add_piece(eye, l, start, tb);
 }
 
-static void scatteri_add_edge(float *edges, int *count, float t, float t0, float t1)
+/* Break points of one ray, in order. */
+typedef struct scatteri_edges {
+    int count;
+    float t[16];
+} scatteri_edges;
+
+static void scatteri_add_edge(scatteri_edges *edges, float t)
 {
     int i;
-    if (!(t > t0 && t < t1) || *count >= SCATTERI_EDGES)
+    if (!(t > edges->t[0] && t < edges->t[edges->count - 1]))
         return;
-    for (i = *count; i > 0 && edges[i - 1] > t; i--)
-        edges[i] = edges[i - 1];
-    edges[i] = t;
-    (*count)++;
+    for (i = edges->count; edges->t[i - 1] > t; i--)
+        edges->t[i] = edges->t[i - 1];
+    edges->t[i] = t;
+    edges->count++;
 }
 
-/* Where the ray crosses the cone of half-angle acos(k) (both nappes) around the light's axis. */
-static void scatteri_cone_edges(const scatteri_line *line, const scatteri_light *light, float k, float *edges,
-                                int *count)
+/* Where ray l crosses the cone of cosine k (both nappes) around the light's axis. */
+static void scatteri_add_cone(scatteri_edges *edges, const scatteri_rays *rays, int l, const scatteri_light *light,
+                              float k)
 {
-    const scatter_vec3 to = scatteri_sub(line->origin, light->desc.position), w = light->desc.direction;
-    const double uw = (double)scatteri_dot(line->direction, w), ow = (double)scatteri_dot(to, w);
-    const double k2 = (double)k * (double)k, ou = (double)scatteri_dot(to, line->direction);
+    const scatter_vec3 d = scatteri_ray_direction(rays, l), w = light->desc.direction;
+    const scatter_vec3 to = scatteri_sub(scatteri_ray_origin(rays, l), scatteri_sub(light->desc.position, rays->ref));
+    const double uw = (double)scatteri_dot(d, w), ow = (double)scatteri_dot(to, w);
+    const double k2 = (double)k * (double)k, ou = (double)scatteri_dot(to, d);
     const double a = uw * uw - k2, b = uw * ow - k2 * ou, c = ow * ow - k2 * (double)scatteri_dot(to, to);
     const double root = b * b - a * c;
     double q;
@@ -3647,51 +3852,107 @@ static void scatteri_cone_edges(const scatteri_line *line, const scatteri_light 
         return;
     q = b >= 0.0 ? -(b + sqrt(root)) : -(b - sqrt(root));
     if (a != 0.0)
-        scatteri_add_edge(edges, count, (float)(q / a), line->t0, line->t1);
+        scatteri_add_edge(edges, (float)(q / a));
     if (q != 0.0)
-        scatteri_add_edge(edges, count, (float)(c / q), line->t0, line->t1);
+        scatteri_add_edge(edges, (float)(c / q));
 }
 
-static int scatteri_in_cone(const scatteri_eye *eye, const scatteri_light *light, float t)
+static int scatteri_in_cone(const scatteri_eye *eye, int l, float t)
 {
-    const scatter_vec3 x = scatteri_along(eye->line.origin, eye->line.direction, t);
-    const scatter_vec3 from = scatteri_unit_or_zero(scatteri_sub(x, light->desc.position));
+    const scatteri_light *light = eye->pass.cut;
+    const scatter_vec3 from =
+        scatteri_unit_or_zero(scatteri_sub(scatteri_ray_point(&eye->rays, l, t), light->desc.position));
     return light->desc.kind != SCATTER_LIGHT_SPOT || scatteri_dot(from, light->desc.direction) > light->cos_outer;
 }
 
-static int scatteri_filled(const scatteri_eye *eye, float t)
+static int scatteri_filled(const scatteri_eye *eye, int l, float t)
 {
-    return eye->context->medium.has_analytic || (t > eye->hull0 && t < eye->hull1) ||
-           (eye->samples > 0 && t > eye->profile0 && t < eye->profile1);
+    return eye->context->medium.has_analytic || (t > eye->hull0[l] && t < eye->hull1[l]) ||
+           (eye->samples > 0 && t > eye->profile0[l] && t < eye->profile1[l]);
 }
 
-static void scatteri_run_pass(scatteri_eye *eye, const scatteri_pass *pass, scatter_vec3 *radiance)
+static void scatteri_find_edges(const scatteri_eye *eye, int l, scatteri_edges *edges)
 {
-    const scatter_context *c = eye->context;
-    const scatteri_line *line = &eye->line;
-    const scatteri_light *light = pass->cut;
-    float edges[SCATTERI_EDGES + 2];
-    int count = 0, i;
-    scatteri_add_edge(edges, &count, eye->hull0, line->t0, line->t1);
-    scatteri_add_edge(edges, &count, eye->hull1, line->t0, line->t1);
+    const scatteri_light *light = eye->pass.cut;
+    edges->count = 2;
+    edges->t[0] = eye->rays.t0[l];
+    edges->t[1] = eye->rays.t1[l];
+    scatteri_add_edge(edges, eye->hull0[l]);
+    scatteri_add_edge(edges, eye->hull1[l]);
     if (eye->samples > 0) {
-        scatteri_add_edge(edges, &count, eye->profile0, line->t0, line->t1);
-        scatteri_add_edge(edges, &count, eye->profile1, line->t0, line->t1);
+        scatteri_add_edge(edges, eye->profile0[l]);
+        scatteri_add_edge(edges, eye->profile1[l]);
     }
     if (light != NULL && light->desc.kind == SCATTER_LIGHT_SPOT) {
-        scatteri_cone_edges(line, light, light->cos_outer, edges, &count);
-        scatteri_cone_edges(line, light, light->cos_inner, edges, &count);
+        scatteri_add_cone(edges, &eye->rays, l, light, light->cos_outer);
+        scatteri_add_cone(edges, &eye->rays, l, light, light->cos_inner);
     }
-    for (i = 0; i <= count; i++) {
-        const float ta = i > 0 ? edges[i - 1] : line->t0, tb = i < count ? edges[i] : line->t1;
-        const float middle = 0.5f * (ta + tb);
-        if (!(ta < tb) || !scatteri_filled(eye, middle) || (light != NULL && !scatteri_in_cone(eye, light, middle)))
+}
+
+static void scatteri_cut_ray(scatteri_eye *eye, int l)
+{
+    const scatteri_light *light = eye->pass.cut;
+    scatteri_edges edges;
+    int i;
+    scatteri_find_edges(eye, l, &edges);
+    for (i = 1; i < edges.count; i++) {
+        const float ta = edges.t[i - 1], tb = edges.t[i], middle = 0.5f * (ta + tb);
+        if (!(ta < tb) || !scatteri_filled(eye, l, middle) || (light != NULL && !scatteri_in_cone(eye, l, middle)))
             continue;
-        if (light != NULL && c->scene.visible != NULL)
-            scatteri_add_lit(eye, pass, ta, tb, radiance);
+        if (light != NULL && eye->context->scene.visible != NULL)
+            scatteri_add_lit(eye, l, ta, tb);
         else
-            scatteri_add_piece(eye, pass, ta, tb, radiance);
+            scatteri_add_piece(eye, l, ta, tb);
     }
+}
+
+/* Puts each ray into one panel, if nothing cuts them; returns the most features on one, or SCATTERI_FAR. */
+SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
+{
+    const scatter_context *c = eye->context;
+    const scatteri_light *light = eye->pass.cut;
+    scatteri_panels *panels = &eye->panels;
+    const int local = eye->pass.map.local;
+    float most = 0.0f;
+    int l;
+    if (c->medium.has_analytic || eye->samples > 0 || !eye->page.complete ||
+        (light != NULL && (light->desc.kind == SCATTER_LIGHT_SPOT || c->scene.visible != NULL)))
+        return SCATTERI_FAR;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        panels->ua[0][l] = eye->hull0[l];
+        panels->ub[0][l] = scatteri_max(eye->hull1[l], eye->hull0[l]);
+        panels->cells[0][l] = 0.0f;
+        most = scatteri_max(most, eye->features[l] * (panels->ub[0][l] - panels->ua[0][l]));
+    }
+    for (l = 0; l < SCATTERI_LANES && local; l++) {
+        panels->ua[0][l] = scatteri_to_u(&eye->pass.map, l, panels->ua[0][l]);
+        panels->ub[0][l] = scatteri_to_u(&eye->pass.map, l, panels->ub[0][l]);
+    }
+    for (l = 0; l < SCATTERI_LANES && local; l++)
+        most = scatteri_max(most, panels->ub[0][l] - panels->ua[0][l]);
+    return most;
+}
+
+/* The rule with as many nodes as `features` need; NULL if that is too many for one panel. */
+static const scatteri_rule *scatteri_rule_for(const scatter_context *c, float features)
+{
+    const int i = (int)scatteri_min((float)SCATTERI_EIGHTH * features / SCATTERI_PANEL, 1e6f);
+    const scatteri_rule *rule = i < SCATTERI_RULES ? &c->rules[i > 2 ? i : 2] : NULL;
+    return rule != NULL && rule->count > 0 ? rule : NULL;
+}
+
+static void scatteri_run_pass(scatteri_eye *eye)
+{
+    const scatteri_rule *rule = scatteri_rule_for(eye->context, scatteri_one_panel(eye));
+    int l;
+    if (rule != NULL) {
+        scatteri_evaluate_panel(eye, 0, rule);
+        return;
+    }
+    for (l = 0; l < SCATTERI_LANES; l++)
+        if (eye->rays.t0[l] < eye->rays.t1[l])
+            scatteri_cut_ray(eye, l);
+    scatteri_flush(eye);
 }
 
 static int scatteri_glows(const scatter_context *c)
@@ -3701,151 +3962,146 @@ static int scatteri_glows(const scatter_context *c)
 }
 
 /* Emission and all directional lights share nodes, unless geometry cuts the ray differently for each. */
-static void scatteri_integrate(scatteri_eye *eye, scatter_vec3 *radiance)
+static void scatteri_integrate(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
-    scatteri_pass pass;
+    scatteri_pass *pass = &eye->pass;
     int i, directional = 0;
     for (i = 0; i < c->light_count; i++)
         directional |= c->lights[i].source.directional;
-    pass.map = scatteri_no_map();
-    pass.emission = scatteri_glows(c);
-    pass.cut = NULL;
-    pass.first = 0;
-    pass.end = c->scene.visible == NULL ? c->light_count : 0;
-    if (pass.emission || (directional && pass.end > 0))
-        scatteri_run_pass(eye, &pass, radiance);
-    pass.emission = 0;
+    memset(&pass->map, 0, sizeof pass->map);
+    pass->emission = scatteri_glows(c);
+    pass->cut = NULL;
+    pass->first = 0;
+    pass->end = c->scene.visible == NULL ? c->light_count : 0;
+    if (pass->emission || (directional && pass->end > 0))
+        scatteri_run_pass(eye);
+    pass->emission = 0;
     for (i = 0; i < c->light_count; i++) {
-        pass.first = i;
-        pass.end = i + 1;
-        pass.cut = &c->lights[i];
-        pass.map = scatteri_map_light(&eye->line, &c->lights[i]);
-        if ((pass.map.local || c->scene.visible != NULL) && scatteri_in_pass(c, &pass, i))
-            scatteri_run_pass(eye, &pass, radiance);
+        pass->first = i;
+        pass->end = i + 1;
+        pass->cut = &c->lights[i];
+        scatteri_map_light(&eye->rays, &c->lights[i], &pass->map);
+        if ((pass->map.local || c->scene.visible != NULL) && scatteri_in_pass(c, pass, i))
+            scatteri_run_pass(eye);
     }
 }
 
-/* --- the whole ray --- */
+/* --- whole rays --- */
 
-/* Depth of the Gaussians up to t: behind all of them a sum of constants. */
-static float scatteri_page_depth(scatteri_eye *eye, float t)
+/* Depth of each ray from t0 to t1. */
+static void scatteri_end_depth(scatteri_eye *eye, float *depth)
 {
-    const scatteri_page *page = &eye->page;
-    float at[SCATTERI_LANES], density[SCATTERI_LANES], depth[SCATTERI_LANES], sum = 0.0f;
-    int i;
-    if (page->complete && t >= eye->reach1) {
-        for (i = 0; i < page->count; i++)
-            sum += page->behind[i];
-        return sum;
-    }
-    for (i = 0; i < SCATTERI_LANES; i++) {
-        at[i] = t;
-        density[i] = depth[i] = 0.0f;
-    }
-    scatteri_add_gaussians(&eye->context->medium.gaussians, &eye->line, &eye->page, SCATTERI_LANES, at, density, depth);
-    return depth[0];
+    scatteri_nodes *n = &eye->nodes;
+    n->count = SCATTERI_LANES;
+    memcpy(n->t, eye->rays.t1, sizeof eye->rays.t1);
+    scatteri_fill_nodes(eye);
+    memcpy(depth, n->depth, SCATTERI_LANES * sizeof(float));
 }
 
-static float scatteri_end_depth(scatteri_eye *eye)
+/* The stretch of ray l where there is medium; nothing: t0 = t1. */
+static void scatteri_cut_to_medium(const scatteri_medium *m, scatteri_rays *rays, int l)
 {
-    const scatteri_line *line = &eye->line;
-    const scatteri_medium *m = &eye->context->medium;
-    float depth = eye->samples > 0 ? eye->depth[eye->samples] : 0.0f;
-    if (eye->context->exact && m->gaussians.count > 0)
-        depth += scatteri_page_depth(eye, line->t1);
-    if (m->has_analytic)
-        depth += scatteri_analytic_depth(&m->desc, line->origin.y + line->t0 * line->direction.y, line->direction.y,
-                                         line->t1 - line->t0);
-    return depth;
+    const scatter_vec3 origin = scatteri_ray_point(rays, l, 0.0f), direction = scatteri_ray_direction(rays, l);
+    float t0 = 0.0f, t1 = rays->t1[l];
+    int some = scatteri_bounded(&m->desc, origin, direction, &t0, &t1);
+    if (some && m->has_analytic)
+        t1 = scatteri_min(t1, scatteri_max(scatteri_horizon(m, origin, direction), t0));
+    else if (some)
+        some = m->has_local && scatteri_clip(m->local, origin, direction, &t0, &t1);
+    rays->t0[l] = some ? t0 : 0.0f;
+    rays->t1[l] = some ? scatteri_max(t1, t0) : 0.0f;
 }
 
-/* Cuts the ray to where there is medium and gathers what lies on it; 0 if nothing does. */
-static int scatteri_begin_eye(scatteri_eye *eye, const scatter_context *c, scatter_vec3 origin, scatter_vec3 direction,
-                              float end)
+/* Gathers what lies on the rays; 0 if nothing does. */
+static int scatteri_begin_eye(scatteri_eye *eye)
 {
-    const scatteri_medium *m = &c->medium;
-    scatteri_line *line = &eye->line;
-    eye->context = c;
-    line->origin = origin;
-    line->direction = direction;
-    line->t0 = 0.0f;
-    line->t1 = end;
+    const scatter_context *c = eye->context;
+    scatteri_slabs slabs;
+    int l, some = 0;
     eye->samples = 0;
     eye->page.count = 0;
     eye->page.complete = 1;
-    eye->hull0 = SCATTERI_FAR;
-    eye->hull1 = -SCATTERI_FAR;
-    if (!scatteri_bounded(&m->desc, origin, direction, &line->t0, &line->t1))
-        return 0;
-    if (m->has_analytic)
-        line->t1 = scatteri_min(line->t1, scatteri_max(scatteri_horizon(m, origin, direction), line->t0));
-    else if (!m->has_local || !scatteri_clip(m->local, origin, direction, &line->t0, &line->t1))
-        return 0;
-    if (c->exact && m->gaussians.count > 0) {
-        scatteri_gather(&m->gaussians, line, 0, &eye->page);
-        scatteri_rate_page(&eye->page, m->sigma_most);
-        scatteri_find_hull(eye);
+    memset(&eye->radiance, 0, sizeof eye->radiance);
+    memset(eye->panels.count, 0, sizeof eye->panels.count);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        scatteri_cut_to_medium(&c->medium, &eye->rays, l);
+        eye->hull0[l] = SCATTERI_FAR;
+        eye->hull1[l] = -SCATTERI_FAR;
+        eye->features[l] = 0.0f;
+        some |= eye->rays.t0[l] < eye->rays.t1[l];
     }
-    return line->t0 < line->t1;
+    if (some && c->exact && c->medium.gaussians.count > 0) {
+        slabs = scatteri_slabs_of_rays(&eye->rays);
+        scatteri_gather(&c->medium.gaussians, &eye->rays, &slabs, 0, &eye->page);
+        scatteri_find_hull(eye, c->medium.sigma_most);
+    }
+    return some;
+}
+
+/* One block of up to 16 uniform steps: density, and running sums of it. */
+static void scatteri_march_block(scatteri_eye *eye, int first, int rows, float *running)
+{
+    const scatter_context *c = eye->context;
+    scatteri_nodes *n = &eye->nodes;
+    int k, l, f;
+    n->count = rows * SCATTERI_LANES;
+    for (k = 0; k < rows; k++)
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float step = (eye->rays.t1[l] - eye->rays.t0[l]) / (float)c->quality.nodes;
+            n->t[k * SCATTERI_LANES + l] = eye->rays.t0[l] + ((float)(first + k) + 0.5f) * step;
+            n->weight[k * SCATTERI_LANES + l] = step;
+            n->cell[k * SCATTERI_LANES + l] = 0.0f;
+        }
+    scatteri_fill_nodes(eye);
+    for (f = 0; f < c->field_count; f++)
+        scatteri_add_field(&c->fields[f], n->points.ref, n->count, n->points.x, n->points.y, n->points.z, n->density);
+    for (k = 0; k < n->count; k++) {
+        n->depth[k] = running[k % SCATTERI_LANES] + 0.5f * n->weight[k] * n->density[k];
+        running[k % SCATTERI_LANES] += n->weight[k] * n->density[k];
+    }
 }
 
 /* Uniform steps with running sums, as in the papers. */
-static void scatteri_march_eye(scatteri_eye *eye, scatter_sample *sample)
+static void scatteri_march_eye(scatteri_eye *eye, float *depth)
 {
     const scatter_context *c = eye->context;
-    const int steps = c->quality.nodes;
-    const float step = (eye->line.t1 - eye->line.t0) / (float)steps;
-    const scatteri_line *line = &eye->line;
-    float running = 0.0f;
-    scatteri_nodes n;
-    int first, i, f;
-    n.cells = 0;
-    for (first = 0; first < steps; first += SCATTERI_NODES) {
-        const int real = steps - first < SCATTERI_NODES ? steps - first : SCATTERI_NODES;
-        n.count = (real + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
-        for (i = 0; i < n.count; i++) {
-            n.t[i] = line->t0 + ((float)(first + (i < real ? i : real - 1)) + 0.5f) * step;
-            n.weight[i] = i < real ? step : 0.0f;
-        }
-        scatteri_fill_nodes(eye, &n);
-        for (f = 0; f < c->field_count; f++)
-            scatteri_add_field(&c->fields[f], n.count, n.points.x, n.points.y, n.points.z, n.density);
-        for (i = 0; i < n.count; i++) {
-            n.depth[i] = running + 0.5f * n.weight[i] * n.density[i];
-            running += n.weight[i] * n.density[i];
-        }
+    int first, i;
+    memset(depth, 0, SCATTERI_LANES * sizeof(float));
+    for (first = 0; first < c->quality.nodes; first += SCATTERI_ROWS) {
+        const int left = c->quality.nodes - first;
+        scatteri_rays span;
+        scatteri_march_block(eye, first, left < SCATTERI_ROWS ? left : (int)SCATTERI_ROWS, depth);
+        span = scatteri_span_of(eye);
         if (scatteri_glows(c))
-            scatteri_add_emission(c, &n, &sample->radiance);
+            scatteri_add_emission(eye);
         for (i = 0; i < c->light_count; i++) {
-            const scatteri_map map = scatteri_map_light(line, &c->lights[i]);
-            scatteri_add_light(c, &c->lights[i], &map, line, &n, c->scene.visible != NULL, &sample->radiance);
+            scatteri_map map;
+            scatteri_map_light(&eye->rays, &c->lights[i], &map);
+            scatteri_add_light(eye, &c->lights[i], &map, &span, c->scene.visible != NULL);
         }
     }
-    sample->transmittance = scatteri_transmittance(&c->medium, running);
 }
 
-/* Radiance and transmittance of the medium between the origin and `end`. `direction` has unit length. */
-static void scatteri_look(const scatter_context *c, scatter_vec3 origin, scatter_vec3 direction, float end,
-                          scatter_sample *sample)
+/* Radiance and transmittance of the medium on 16 rays between their origins and rays.t1. */
+static void scatteri_look(scatteri_eye *eye, scatter_sample *samples)
 {
-    scatteri_eye eye;
-    sample->radiance = scatteri_v3(0.0f, 0.0f, 0.0f);
-    sample->transmittance = scatteri_v3(1.0f, 1.0f, 1.0f);
-    if (!scatteri_begin_eye(&eye, c, origin, direction, end))
-        return;
-    if (c->quality.ray == SCATTER_RAY_MARCH) {
-        scatteri_march_eye(&eye, sample);
-        return;
+    float depth[SCATTERI_LANES];
+    int l;
+    memset(depth, 0, sizeof depth);
+    if (scatteri_begin_eye(eye)) {
+        if (eye->context->quality.ray == SCATTER_RAY_MARCH) {
+            scatteri_march_eye(eye, depth);
+        } else {
+            scatteri_take_profile(eye);
+            scatteri_end_depth(eye, depth);
+            scatteri_integrate(eye);
+        }
     }
-    scatteri_take_profile(&eye);
-    sample->transmittance = scatteri_transmittance(&c->medium, scatteri_end_depth(&eye));
-    if (!c->medium.has_analytic && eye.samples == 0) {
-        eye.line.t1 = scatteri_min(eye.line.t1, eye.hull1);
-        if (eye.hull0 >= eye.line.t1)
-            return;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        samples[l].radiance = scatteri_v3(eye->radiance.r[l], eye->radiance.g[l], eye->radiance.b[l]);
+        samples[l].transmittance = scatteri_transmittance(&eye->context->medium, depth[l]);
     }
-    scatteri_integrate(&eye, &sample->radiance);
 }
 
 /* --- surfaces --- */
@@ -3904,14 +4160,15 @@ static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surfa
 
 /* ------------------------------------------------------------------------------------------- >>image */
 
-enum { SCATTERI_TILE = 16, SCATTERI_CHUNKS = 50 };
+enum { SCATTERI_SIDE = 4, SCATTERI_TILE = 16, SCATTERI_CHUNKS = 50 };
 
 typedef struct scatteri_picture {
     const scatter_context *context;
     scatter_view view;
     scatter_image image;
-    int across;  /* tiles in a row */
-    int first;   /* tile that task 0 renders */
+    int tile_x, tile_y; /* corner of the first tile */
+    int across;         /* tiles in a row */
+    int first;          /* tile that task 0 renders */
 } scatteri_picture;
 
 /* Unit vector of a vector of any length but 0. */
@@ -3921,12 +4178,19 @@ static scatter_vec3 scatteri_unit(scatter_vec3 v)
     return scatteri_normalize(scatteri_scale(v, most > 0.0f ? 1.0f / most : 0.0f));
 }
 
-/* What the ray sees: the medium up to `end`, and behind it the surface or the background. */
-static void scatteri_sample_ray(const scatter_context *c, scatter_vec3 origin, scatter_vec3 direction,
-                                const scatter_surface *hit, scatter_sample *sample)
+/* Ray number l of a packet; `end`: where a surface ends it. */
+static void scatteri_set_ray(scatteri_rays *rays, int l, scatter_vec3 origin, scatter_vec3 direction, float end)
 {
-    scatteri_look(c, origin, direction, hit != NULL ? hit->distance : SCATTERI_FAR, sample);
-    sample->surface = hit != NULL ? scatteri_shade(c, hit, origin, direction) : c->scene.background;
+    if (l == 0)
+        rays->ref = origin;
+    rays->ox[l] = origin.x - rays->ref.x;
+    rays->oy[l] = origin.y - rays->ref.y;
+    rays->oz[l] = origin.z - rays->ref.z;
+    rays->dx[l] = direction.x;
+    rays->dy[l] = direction.y;
+    rays->dz[l] = direction.z;
+    rays->t0[l] = 0.0f;
+    rays->t1[l] = end;
 }
 
 static void scatteri_put(float *pixels, size_t at, scatter_vec3 rgb)
@@ -3936,51 +4200,98 @@ static void scatteri_put(float *pixels, size_t at, scatter_vec3 rgb)
     pixels[3 * at + 2] = rgb.z;
 }
 
-static void scatteri_render_pixel(const scatteri_picture *job, int x, int y)
+/* Pixel l of the 4x4 pixels from x, y on; beyond the edge of the image the nearest pixel. */
+static void scatteri_packet_pixel(const scatter_image *image, int x, int y, int l, int *px, int *py)
 {
-    const scatter_context *c = job->context;
+    *px = scatteri_clamp_int(x + l % SCATTERI_SIDE, 0, image->width - 1);
+    *py = scatteri_clamp_int(y + l / SCATTERI_SIDE, 0, image->height - 1);
+}
+
+/* The ray through pixel at: direction, and what ends it. Returns whether a surface of the scene does. */
+static int scatteri_aim(const scatteri_picture *job, int x, int y, int l, scatteri_rays *rays, scatter_surface *hit)
+{
+    const scatter_scene *scene = &job->context->scene;
     const scatter_image *image = &job->image;
     const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
     const scatter_ray ray = scatter_view_ray(&job->view, ((float)x + 0.5f) / (float)image->width,
                                              ((float)y + 0.5f) / (float)image->height);
-    const float distance = image->distance != NULL ? image->distance[at] : 0.0f;
-    scatter_surface hit;
-    scatter_sample s;
-    if (image->distance == NULL && c->scene.surface != NULL &&
-        c->scene.surface(c->scene.user, ray.origin, ray.direction, &hit)) {
-        scatteri_sample_ray(c, ray.origin, ray.direction, &hit, &s);
-    } else {
-        scatteri_look(c, ray.origin, ray.direction,
-                      distance > 0.0f && distance < SCATTERI_FAR ? distance : SCATTERI_FAR, &s);
-        s.surface = c->scene.background;
+    const int solid = image->distance == NULL && scene->surface != NULL &&
+                      scene->surface(scene->user, ray.origin, ray.direction, hit) != 0;
+    const float distance = solid ? hit->distance : image->distance != NULL ? image->distance[at] : 0.0f;
+    scatteri_set_ray(rays, l, ray.origin, ray.direction,
+                     (solid || distance > 0.0f) && distance < SCATTERI_FAR ? distance : SCATTERI_FAR);
+    return solid;
+}
+
+/* What lies behind the medium: the host's picture, the lit surface or the background. */
+static scatter_vec3 scatteri_behind(const scatteri_picture *job, size_t at, const scatter_surface *hit,
+                                    const scatteri_rays *rays, int l)
+{
+    const float *color = job->image.color;
+    if (color != NULL)
+        return scatteri_v3(color[3 * at], color[3 * at + 1], color[3 * at + 2]);
+    if (hit == NULL)
+        return job->context->scene.background;
+    return scatteri_shade(job->context, hit, scatteri_ray_point(rays, l, 0.0f), scatteri_ray_direction(rays, l));
+}
+
+/* 4x4 pixels. Those outside the region are computed with the others, so that a region has the same bits as the whole
+   image, but not written. */
+static void scatteri_render_packet(const scatteri_picture *job, int x, int y, scatteri_eye *eye)
+{
+    const scatter_image *image = &job->image;
+    scatter_surface hits[SCATTERI_LANES];
+    scatter_sample samples[SCATTERI_LANES];
+    scatteri_rays rays;
+    int solid[SCATTERI_LANES], l, px, py;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        scatteri_packet_pixel(image, x, y, l, &px, &py);
+        solid[l] = scatteri_aim(job, px, py, l, &rays, &hits[l]);
     }
-    if (image->color != NULL)
-        s.surface = scatteri_v3(image->color[3 * at], image->color[3 * at + 1], image->color[3 * at + 2]);
-    scatteri_put(image->rgb, at, scatteri_add(s.radiance, scatteri_mul(s.transmittance, s.surface)));
-    if (image->transmittance != NULL)
-        scatteri_put(image->transmittance, at, s.transmittance);
+    eye->context = job->context;
+    eye->rays = rays;
+    scatteri_look(eye, samples);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        size_t at;
+        scatter_vec3 behind;
+        px = x + l % SCATTERI_SIDE;
+        py = y + l / SCATTERI_SIDE;
+        if (px < image->x0 || px >= image->x1 || py < image->y0 || py >= image->y1)
+            continue;
+        at = (size_t)py * (size_t)image->width + (size_t)px;
+        behind = scatteri_behind(job, at, solid[l] ? &hits[l] : NULL, &rays, l);
+        scatteri_put(image->rgb, at,
+                     scatteri_add(samples[l].radiance, scatteri_mul(samples[l].transmittance, behind)));
+        if (image->transmittance != NULL)
+            scatteri_put(image->transmittance, at, samples[l].transmittance);
+    }
 }
 
 static void scatteri_render_tile(void *data, int task)
 {
     const scatteri_picture *job = (const scatteri_picture *)data;
-    const scatter_image *image = &job->image;
     const int tile = job->first + task;
-    const int x0 = image->x0 + tile % job->across * SCATTERI_TILE, y0 = image->y0 + tile / job->across * SCATTERI_TILE;
+    const int x0 = job->tile_x + tile % job->across * SCATTERI_TILE;
+    const int y0 = job->tile_y + tile / job->across * SCATTERI_TILE;
+    scatteri_eye eye;
     int x, y;
-    for (y = y0; y < image->y1 && y < y0 + SCATTERI_TILE; y++)
-        for (x = x0; x < image->x1 && x < x0 + SCATTERI_TILE; x++)
-            scatteri_render_pixel(job, x, y);
+    for (y = y0; y < job->image.y1 && y < y0 + SCATTERI_TILE; y += SCATTERI_SIDE)
+        for (x = x0; x < job->image.x1 && x < x0 + SCATTERI_TILE; x += SCATTERI_SIDE)
+            if (x + SCATTERI_SIDE > job->image.x0 && y + SCATTERI_SIDE > job->image.y0)
+                scatteri_render_packet(job, x, y, &eye);
 }
 
 /* All tiles; in chunks, so that progress can be told and the host can cancel, if it asked for that. */
 static scatter_result scatteri_render_tiles(scatteri_picture *job)
 {
     const scatter_host *host = &job->context->host;
-    const int wide = job->image.x1 - job->image.x0, high = job->image.y1 - job->image.y0;
-    const int tiles = ((wide - 1) / SCATTERI_TILE + 1) * ((high - 1) / SCATTERI_TILE + 1);
+    const int left = job->image.x0 / SCATTERI_TILE, top = job->image.y0 / SCATTERI_TILE;
+    const int wide = (job->image.x1 - 1) / SCATTERI_TILE + 1 - left, high = (job->image.y1 - 1) / SCATTERI_TILE + 1 - top;
+    const int tiles = wide * high;
     const int chunk = host->progress != NULL ? (tiles - 1) / SCATTERI_CHUNKS + 1 : tiles;
-    job->across = (wide - 1) / SCATTERI_TILE + 1;
+    job->tile_x = left * SCATTERI_TILE;
+    job->tile_y = top * SCATTERI_TILE;
+    job->across = wide;
     for (job->first = 0; job->first < tiles; job->first += chunk) {
         const int count = tiles - job->first < chunk ? tiles - job->first : chunk;
         if (host->progress != NULL && host->progress(host->user, (float)job->first / (float)tiles) != 0)
@@ -4560,17 +4871,18 @@ static void scatteri_choose_fields(scatter_context *c)
     c->field_count = c->exact ? (int)c->medium.desc.grid_count : c->has_injected;
 }
 
-static void scatteri_update_nodes(scatter_context *c)
+/* A rule of more nodes than one panel takes stays empty. */
+static void scatteri_update_rules(scatter_context *c)
 {
-    const int n = c->quality.nodes;
-    int i;
-    for (i = 0; i < SCATTERI_NODES && c->quality.ray == SCATTER_RAY_QUADRATURE; i++) {
-        const int k = i < n ? i : n - 1;
-        const scatteri_vec2 node = i < n ? scatteri_legendre(i, n) : scatteri_v2(c->node[k], 0.0f);
-        c->node[i] = node.x;
-        c->weight[i] = node.y;
-        c->cell_node[i] = (float)(2 * k + 1) / (float)n - 1.0f;
-        c->cell_weight[i] = i < n ? 2.0f / (float)n : 0.0f;
+    int r, i;
+    for (r = 0; r < SCATTERI_RULES && c->quality.ray == SCATTER_RAY_QUADRATURE; r++) {
+        const int n = (c->quality.nodes * (r + 1) + SCATTERI_EIGHTH - 1) / SCATTERI_EIGHTH;
+        c->rules[r].count = n <= SCATTERI_NODES ? n : 0;
+        for (i = 0; i < c->rules[r].count; i++) {
+            const scatteri_vec2 node = scatteri_legendre(i, n);
+            c->rules[r].node[i] = node.x;
+            c->rules[r].weight[i] = node.y;
+        }
     }
 }
 
@@ -4612,7 +4924,7 @@ SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scen
     if (result != SCATTER_OK)
         return result;
     if (!was_ready || before.nodes != c->quality.nodes || before.ray != c->quality.ray)
-        scatteri_update_nodes(c);
+        scatteri_update_rules(c);
     scatteri_choose_fields(c);
     c->scene = *scene;
     c->ready = 1;
@@ -4647,8 +4959,11 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
                                             const scatter_surface *hit, scatter_sample *sample)
 {
     scatteri_where at = {NULL, "ray", -1};
+    scatter_sample samples[SCATTERI_LANES];
     scatter_surface found;
     scatter_vec3 direction;
+    scatteri_eye eye;
+    int l;
     if (!scatteri_ready(c))
         return SCATTER_BAD_ARGUMENT;
     at.host = &c->host;
@@ -4663,7 +4978,12 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
     direction = scatteri_unit(ray->direction);
     if (hit == NULL && c->scene.surface != NULL && c->scene.surface(c->scene.user, ray->origin, direction, &found))
         hit = &found;
-    scatteri_sample_ray(c, ray->origin, direction, hit, sample);
+    eye.context = c;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        scatteri_set_ray(&eye.rays, l, ray->origin, direction, hit != NULL ? hit->distance : SCATTERI_FAR);
+    scatteri_look(&eye, samples);
+    *sample = samples[0];
+    sample->surface = hit != NULL ? scatteri_shade(c, hit, ray->origin, direction) : c->scene.background;
     return SCATTER_OK;
 }
 

@@ -357,8 +357,20 @@ static difference compare_pictures(const file_picture *picture, const file_pictu
         sum += (double)reference->rgb[i];
         d.max_abs = fmax(d.max_abs, fabs(delta));
     }
-    d.rel_rmse = squares > 0 ? sqrt(squares / (double)count) / (sum / (double)count) : 0;
+    double rmse = sqrt(squares / (double)count);
+    d.rel_rmse = rmse <= 0 ? 0 : rmse / (sum / (double)count);
     return d;
+}
+
+/* A picture that is wrong is not shown in silence. */
+static int check_picture(const options *o, const file_picture *picture) {
+    size_t pixels = (size_t)picture->width * (size_t)picture->height, wrong = 0;
+    for (size_t i = 0; i < pixels; i++)
+        wrong += !isfinite(picture->rgb[3 * i] + picture->rgb[3 * i + 1] + picture->rgb[3 * i + 2]);
+    if (wrong)
+        return complain(1, "%s: %.0f pixels are not finite, which is a fault of scatter.h",
+                        o->scene, (double)wrong);
+    return 0;
 }
 
 static int compare_with_reference(const options *o, const file_picture *picture, difference *d) {
@@ -501,6 +513,8 @@ static int run(const options *o, const scene_file *file, const file_picture *pic
     state.scene = o->scene;
     pthread_mutex_init(&state.lock, NULL);
     int status = render(o, file, &state, picture, &t);
+    if (!status)
+        status = check_picture(o, picture);
     if (!status)
         status = compare_with_reference(o, picture, &d);
     if (!status)

@@ -38,15 +38,21 @@ static inline int check_at_least(const char *what, double value, double limit) {
 
 /* The error of many values against their references. */
 typedef struct check_error {
-    double square, sum, worst;
+    double square, sum, norm, worst; /* sums of error^2, |reference|, reference^2 */
     size_t count;
 } check_error;
+
+static inline check_error check_no_error(void) {
+    check_error e = {0, 0, 0, 0, 0};
+    return e;
+}
 
 /* One more pair; the worst relative error counts the error beyond `floor`, which is absolute. */
 static inline void check_add_floor(check_error *e, double value, double reference, double floor) {
     double miss = fabs(value - reference), relative = 0;
     e->square += miss * miss;
     e->sum += fabs(reference);
+    e->norm += reference * reference;
     e->count++;
     if (!(miss <= floor))
         relative = (miss - floor) / fabs(reference);
@@ -58,11 +64,14 @@ static inline void check_add(check_error *e, double value, double reference) {
     check_add_floor(e, value, reference, 0);
 }
 
-/* Root of the mean square error over the mean of the reference. */
+/* Root mean square error over the mean of the reference: the measure of images. */
 static inline double check_rms(const check_error *e) {
     double n = (double)e->count;
     return sqrt(e->square / n) / (e->sum / n);
 }
+
+/* Root mean square error over the root mean square of the reference. */
+static inline double check_relative_rms(const check_error *e) { return sqrt(e->square / e->norm); }
 
 /* p of error ~ n^-p when n doubles. */
 static inline double check_order(double coarse, double fine) { return log2(coarse / fine); }

@@ -7,6 +7,7 @@
 #define SCATTER_IMPLEMENTATION
 #include "../scatter.h"
 
+#include <float.h>
 #include <limits.h>
 #include <math.h>
 #include <stdint.h>
@@ -26,16 +27,22 @@ static void demand(int good, const char *what) {
     abort();
 }
 
-static void demand_finite(const float *values, size_t count, const char *what) {
+static void demand_between(const float *values, size_t count, float low, float high,
+                           const char *what) {
     size_t i;
-    for (i = 0; i < count; i++)
-        demand(isfinite(values[i]) != 0, what);
+    for (i = 0; i < count; i++) {
+        if (!(values[i] >= low && values[i] <= high))
+            fprintf(stderr, "fuzz_descriptors: value %d is %.9g\n", (int)i, (double)values[i]);
+        demand(values[i] >= low && values[i] <= high, what);
+    }
+}
+
+static void demand_finite(const float *values, size_t count, const char *what) {
+    demand_between(values, count, -FLT_MAX, FLT_MAX, what);
 }
 
 static void demand_unit(const float *values, size_t count, const char *what) {
-    size_t i;
-    for (i = 0; i < count; i++)
-        demand(values[i] >= 0.0f && values[i] <= 1.0f, what);
+    demand_between(values, count, 0.0f, 1.0f, what);
 }
 
 /* ------------------------------------------------------------------------------------- >>input */
@@ -105,6 +112,15 @@ static float *floats(input *in, size_t count) {
     size_t i;
     for (i = 0; values && i < count; i++)
         values[i] = number(in, 0.0f, 4.0f);
+    return values;
+}
+
+/* Without odd values: what the host asks to be copied into the picture. */
+static float *tame_floats(input *in, size_t count) {
+    input tame = {in->data, in->size, 256};
+    float *values = floats(&tame, count);
+    in->data = tame.data;
+    in->size = tame.size;
     return values;
 }
 
@@ -386,7 +402,7 @@ static void try_picture(input *in, books *b, const scatter_context *context) {
     scatter_view camera = view(in);
     scatter_image image;
     float rgb[48] = {0}, transmittance[48] = {0};
-    float *color = floats(in, 48), *distance = floats(in, 16);
+    float *distance = floats(in, 16), *color = tame_floats(in, 48);
     memset(&image, 0, sizeof image);
     picture_size(in, &image);
     image.rgb = (float *)(uintptr_t)array(in, rgb);
@@ -452,6 +468,11 @@ static void try_tone(input *in) {
     free(rgb);
 }
 
+/* The default has 64^3 cells, too slow here where it samples voxels. */
+static const scatter_quality *choose_quality(input *in, const world *w) {
+    return next(in) == 255 && w->scene.medium.grid_count == 0 ? NULL : &w->quality;
+}
+
 /* A context sees two scenes one after the other, to try what an update keeps from the first. */
 static void try_context(input *in, books *b, const scatter_host *host) {
     scatter_context *context = NULL;
@@ -461,7 +482,7 @@ static void try_context(input *in, books *b, const scatter_host *host) {
         for (round = 0; round < 2; round++) {
             choose_temper(in);
             fill_world(in, w);
-            succeeded(b, scatter_update(context, &w->scene, next(in) < 255 ? &w->quality : NULL));
+            succeeded(b, scatter_update(context, &w->scene, choose_quality(in, w)));
             try_ray(in, b, context);
             try_picture(in, b, context);
             try_depth(in, b, host, w);

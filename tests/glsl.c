@@ -1,14 +1,13 @@
-/* glsl.c - copies the shared core of scatter.h into scatter_gl.h, and writes it out as a complete shader.
+/* glsl.c - copies the shared core of scatter.h into scatter_gl.h, and writes it as a whole shader.
 
      glsl scatter.h scatter_gl.h            renew the generated region of scatter_gl.h
      glsl scatter.h scatter_gl.h --check    fail if that would change anything
-     glsl scatter.h --emit VERSION          print a fragment shader (130 150 330 410 450 300es 310es) that calls
-                                            every function of the core; its prelude comes from the scatter_gl.h
-                                            beside scatter.h
+     glsl scatter.h --emit VERSION          print a fragment shader that calls every function of the
+                                            core (130 150 330 410 450 300es 310es); its prelude comes
+                                            from the scatter_gl.h beside scatter.h
 
-   The core lies between the lines ">>core begin" and ">>core end"; a chapter begins at ">>core: name". Comments
-   and empty lines are left out. C99 and no library. */
-#include <ctype.h>
+   The core lies between the lines ">>core begin" and ">>core end"; a chapter begins at
+   ">>core: name". Comments and empty lines are left out. C99 and no library. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,7 +28,7 @@ static void stop(const char *format, ...) {
     exit(1);
 }
 
-/* ------------------------------------------------------------------------------------------- >>text */
+/* --------------------------------------------------------------------------------------- >>text */
 
 /* A string that grows. */
 typedef struct text {
@@ -102,7 +101,7 @@ static const char *before(const char *bytes, const char *mark, const char *path)
     return at;
 }
 
-/* --------------------------------------------------------------------------------------- >>chapters */
+/* ----------------------------------------------------------------------------------- >>chapters */
 
 typedef struct chapter {
     char name[32];
@@ -147,7 +146,8 @@ static void add_chapter(core *c, const char *at, const char *end) {
         stop("a chapter needs a name of small letters: %.40s", at);
     append_code(&n->code, strchr(at, '\n') + 1, end);
     if (n->code.length >= CHAPTER_BYTES)
-        stop("chapter %s has %lu bytes, not below %d", n->name, (unsigned long)n->code.length, CHAPTER_BYTES);
+        stop("chapter %s has %lu bytes, not below %d", n->name, (unsigned long)n->code.length,
+             CHAPTER_BYTES);
 }
 
 static core read_core(const char *path) {
@@ -165,7 +165,7 @@ static core read_core(const char *path) {
     return c;
 }
 
-/* ----------------------------------------------------------------------------------------- >>region */
+/* ------------------------------------------------------------------------------------- >>region */
 
 static void quote(text *t, const char *code) {
     const char *end;
@@ -212,7 +212,7 @@ static int renew(const char *from, const char *to, int check) {
     return 0;
 }
 
-/* ----------------------------------------------------------------------------------------- >>shader */
+/* ------------------------------------------------------------------------------------- >>shader */
 
 /* Appends the text of the quoted lines that follow `mark`, up to the semicolon. */
 static void append_quoted(text *t, const char *path, const char *mark) {
@@ -231,7 +231,9 @@ static void append_quoted(text *t, const char *path, const char *mark) {
 
 /* An expression of the type, made of the float x. */
 static const char *argument(const char *type) {
-    static const char *const made[][2] = {{"float", "x"}, {"int", "int(x)"}, {"scatteri_real", "SCATTERI_REAL(x)"},
+    static const char *const made[][2] = {{"float", "x"},
+                                          {"int", "int(x)"},
+                                          {"scatteri_real", "SCATTERI_REAL(x)"},
                                           {"scatter_vec3", "scatteri_v3(x, 1.0f, x)"},
                                           {"scatteri_vec2", "scatteri_v2(x, x)"},
                                           {"scatteri_lobes", "scatteri_droplets(x)"}};
@@ -250,7 +252,7 @@ static const char *component(const char *type) {
     return strncmp(type, "scatter", 7) == 0 && strcmp(type, "scatteri_real") != 0 ? ".x" : "";
 }
 
-/* Adds a call of the function whose declaration begins at `at`: "SCATTERI_FN type name(type name, ...". */
+/* Adds a call of the function declared at `at`: "SCATTERI_FN type name(type name, type name...". */
 static void append_call(text *t, const char *at) {
     char type[32], name[64];
     int used;
@@ -269,7 +271,8 @@ static void append_call(text *t, const char *at) {
 static void append_main(text *t, const core *c) {
     const char *at;
     int i;
-    print(t, "out vec4 color;\nvoid main() {\n    float x = gl_FragCoord.x;\n    float sum = 0.0;\n");
+    print(t,
+          "out vec4 color;\nvoid main() {\n    float x = gl_FragCoord.x;\n    float sum = 0.0;\n");
     for (i = 0; i < c->count; i++)
         for (at = c->chapters[i].code.bytes; (at = strstr(at, "SCATTERI_FN ")) != NULL; at++)
             append_call(t, at);
@@ -297,6 +300,7 @@ int main(int count, char **words) {
         return emit(words[1], words[3]);
     if (count == 3 || (count == 4 && strcmp(words[3], "--check") == 0))
         return renew(words[1], words[2], count == 4);
-    fprintf(stderr, "usage: glsl scatter.h scatter_gl.h [--check]\n       glsl scatter.h --emit VERSION\n");
+    fprintf(stderr,
+            "usage: glsl scatter.h scatter_gl.h [--check]\n       glsl scatter.h --emit VERSION\n");
     return 2;
 }

@@ -3,20 +3,20 @@
    Chapters: vectors, density, depth, phase, lights, path, breaks, ray, surface, image.
 
    How the integral over a ray is made safe and affordable:
-   - t = t0 + d sinh u around a local light (d^2 = distance of the ray to it squared + R^2)
-   removes 1/r^2; a directional light is integrated in t itself.
-   - The range in u is broken where the integrand or its slope jumps or where it could be
-   overlooked: faces of boxes, narrow Gaussians and their shadows, edges of boxes as seen from the
-   light, spot cones, layers of fog, and shadow edges found by 512 probes and bisection. A shadow
-   thinner than the spacing of the probes is missed.
-   - Every lit run is integrated adaptively, GSL's 21 Gauss-Kronrod points an interval, to 1e-8. A ray that
-   crosses more than 48 voxel planes gets Gauss-Legendre points between all crossings instead; the
-   optical depths at these points are as exact as everywhere.
+   - t = t0 + d sinh u around a local light (d^2: square of its distance to the ray, plus R^2)
+     removes 1/r^2; a directional light is integrated in t itself.
+   - The range of u is broken where the integrand or its slope jumps and where something could be
+     overlooked: faces of boxes, edges of boxes as seen from the light, narrow Gaussians and their
+     shadows, spot cones, layers of fog, and the edges of shadows, found by 2048 probes and
+     bisection. A shadow thinner than the spacing of the probes is missed.
+   - Every lit part is integrated adaptively with GSL's 21 Gauss-Kronrod points on an interval,
+     to an estimated 1e-8 of the whole. A ray that crosses more than 48 voxel planes gets
+     Gauss-Legendre points between all crossings instead; the optical depths at these points are
+     as exact as everywhere.
    - Along a ray a Gaussian counts where it exceeds exp(-28) = 7e-13 of its peak; fog ends where
-   its own transmittance fell below that, or 1e7 m away. */
+     its own transmittance fell below that, or 1e7 m away. */
 #include "reference.h"
 
-#include <float.h>
 #include <gsl/gsl_errno.h>
 #include <gsl/gsl_integration.h>
 #include <math.h>
@@ -30,8 +30,7 @@
 #define FAR_END 1e7     /* m */
 #define INTERVALS 4000  /* of one adaptive quadrature */
 
-/* ----------------------------------------------------------------------------------------
- * >>vectors */
+/* ---------------------------------------------------------------------- >>vectors */
 
 typedef struct vec {
     double x[3];
@@ -131,8 +130,7 @@ static int clip(line *l, const scatter_box *box) {
     return l->t0 < l->t1;
 }
 
-/* ----------------------------------------------------------------------------------------
- * >>density */
+/* ---------------------------------------------------------------------- >>density */
 
 static double height_density(const scatter_height *h, double y) {
     return h->density > 0 ? (double)h->density * exp(((double)h->y0 - y) / (double)h->scale)
@@ -245,8 +243,7 @@ double reference_density(const scatter_medium *medium, scatter_vec3 x) {
     return density(medium, from(x));
 }
 
-/* ------------------------------------------------------------------------------------------
- * >>depth */
+/* ---------------------------------------------------------------------- >>depth */
 
 /* erf(y) - erf(x), x <= y, to nearly full relative precision: erfc in the tails, five
    Gauss-Legendre points where the difference would cancel. */
@@ -344,9 +341,9 @@ static double walk_next(walk *w, double t) {
     int i, axis = -1;
     for (i = 0; i < 3; i++) {
         if (w->dq.x[i] != 0 && w->plane[i] >= 0 && w->plane[i] < w->r.n[i]) {
-            double cross = (w->plane[i] - w->q0.x[i]) / w->dq.x[i];
-            axis = cross < next ? i : axis;
-            next = fmin(cross, next);
+            double crossing = (w->plane[i] - w->q0.x[i]) / w->dq.x[i];
+            axis = crossing < next ? i : axis;
+            next = fmin(crossing, next);
         }
     }
     if (axis >= 0)
@@ -419,8 +416,7 @@ double reference_source_depth(const scatter_medium *medium, const scatter_source
     return reference_optical_depth(medium, source->position, x);
 }
 
-/* ------------------------------------------------------------------------- >>depth by quadrature
- */
+/* ---------------------------------------------------------------------- >>depth by quadrature */
 
 typedef struct probe {
     const scatter_medium *medium;
@@ -475,7 +471,7 @@ static size_t probe_breaks(const probe *p, double *t) {
     return count;
 }
 
-/* GSL must not abort on a panel that rounding keeps from its tolerance. */
+/* GSL must not abort where rounding keeps it from its tolerance. */
 static void quiet(void) {
     gsl_set_error_handler_off();
 }
@@ -517,11 +513,10 @@ double reference_optical_depth_adaptive(const scatter_medium *medium, scatter_ve
     return sum;
 }
 
-/* ------------------------------------------------------------------------------------------
- * >>phase */
+/* ---------------------------------------------------------------------- >>phase */
 
 /* Draine 2003; alpha 0 is Henyey-Greenstein. 1 + g^2 - 2 g cos without cancellation near g = cos
- * = 1. */
+   = 1. */
 static double draine(double g, double alpha, double cosine) {
     double base = (1 - g) * (1 - g) + 2 * g * (1 - cosine);
     double norm = 4 * PI * (1 + alpha * (1 + 2 * g * g) / 3);
@@ -597,8 +592,7 @@ double reference_phase(const scatter_phase *phase, double cos_theta) {
     return 1 / (4 * PI);
 }
 
-/* -----------------------------------------------------------------------------------------
- * >>lights */
+/* ---------------------------------------------------------------------- >>lights */
 
 static double transmit(double extinction, double tau) {
     return extinction > 0 ? exp(-extinction * tau) : 1.0;
@@ -608,13 +602,12 @@ static double channel(scatter_vec3 v, int c) {
     return from(v).x[c];
 }
 
-/* A light as one ray sees it: t(u) = t0 + d sinh u for local lights, t = u for directional ones.
- */
+/* A light as one ray sees it: t(u) = t0 + d sinh u for local lights, t = u for directional ones. */
 typedef struct lamp {
     const scatter_light *light;
     vec position; /* of a local light */
     vec axis;     /* unit vector along light->direction */
-    vec aside;    /* unit vector from the ray towards the light, at right angles to the ray */
+    vec aside; /* unit vector from the ray to the light at right angles; 0 if it lies on the ray */
     double t0, h; /* local: closest point of the ray, and its distance */
     double slope; /* directional: how far along the ray the light comes from, per metre aside */
     double d;     /* 0 if directional */
@@ -636,8 +629,8 @@ static lamp lamp_of(const scatter_light *light, const line *ray) {
     aside = is_local(&p) ? minus(p.position, ray->o) : scaled(p.axis, -1.0);
     p.t0 = dot(aside, ray->u);
     aside = along(aside, ray->u, -p.t0);
-    p.h = length(aside);
-    p.aside = p.h > 0 ? scaled(aside, 1 / p.h) : aside;
+    p.h = length(aside) > 1e-9 * fabs(p.t0) ? length(aside) : 0; /* or else only rounding */
+    p.aside = scaled(aside, p.h > 0 ? 1 / p.h : 0);
     p.slope = p.t0 / p.h;
     p.d = is_local(&p) ? fmax(sqrt(p.h * p.h + radius * radius), 1e-9) : 0;
     return p;
@@ -659,8 +652,7 @@ static double spot(const scatter_light *light, double cosine) {
     return s * s * (3 - 2 * s);
 }
 
-/* The way from x to the light; returns the irradiance there in empty space per unit of intensity.
- */
+/* The way from x to the light; returns the irradiance at x without a medium, per intensity. */
 static double lamp_at(const lamp *p, vec x, line *way) {
     double r2, radius = (double)p->light->radius;
     if (!is_local(p)) {
@@ -679,7 +671,7 @@ static int lamp_visible(const scatter_scene *scene, const lamp *p, vec x) {
 }
 
 /* Where the shadow of point b falls on the ray, and how much wider it is there; 0 if it falls
- * elsewhere. */
+   elsewhere. */
 static int shadow_of(const lamp *p, const line *ray, vec b, double *t, double *width) {
     vec d = minus(b, ray->o);
     double m = dot(d, ray->u), k = dot(d, p->aside), grow;
@@ -696,14 +688,13 @@ static int shadow_of(const lamp *p, const line *ray, vec b, double *t, double *w
     return 1;
 }
 
-/* -------------------------------------------------------------------------------------------
- * >>path */
+/* ---------------------------------------------------------------------- >>path */
 
 typedef struct memo {
     double u, k, tau;
 } memo;
 
-enum { MEMOS = 2048, PROBES = 512, VOXEL_PLANES = 48, SECTORS = 32 };
+enum { MEMOS = 2048, PROBES = 2048, VOXEL_PLANES = 48, SECTORS = 32 };
 
 typedef struct interval {
     double low, high, value, error;
@@ -781,8 +772,8 @@ static path *path_create(const scatter_scene *scene) {
     p->prefix = malloc(planes * sizeof *p->prefix);
     p->breaks = malloc(p->break_limit * sizeof *p->breaks);
     p->points = malloc((p->break_limit + 2) * sizeof *p->points);
-    if (!p->intervals || !p->passages || !p->footprints || !p->near || !p->walks || !p->crossing ||
-        !p->prefix || !p->breaks || !p->points) {
+    if (!p->intervals || !p->passages || !p->footprints || !p->near || !p->walks ||
+        !p->crossing || !p->prefix || !p->breaks || !p->points) {
         path_free(p);
         return NULL;
     }
@@ -955,8 +946,7 @@ static int path_begin(path *p, const line *ray) {
     return p->begin < p->end;
 }
 
-/* ------------------------------------------------------------------------- >>source on the path
- */
+/* ---------------------------------------------------------------------- >>source on the path */
 
 static footprint footprint_of(const path *p, const lamp *light, const scatter_gaussian *g) {
     vec d = minus(from(g->center), p->l.o);
@@ -993,8 +983,8 @@ static void select_near(path *p, const lamp *light) {
     p->near_u1 = lamp_u(light, p->end);
     find_footprints(p, light);
     for (k = 0; k < p->sectors; k++) {
-        double step = (p->near_u1 - p->near_u0) / (double)p->sectors,
-               u = p->near_u0 + step * (double)k;
+        double step = (p->near_u1 - p->near_u0) / (double)p->sectors;
+        double u = p->near_u0 + step * (double)k;
         p->near_start[k] = count;
         for (i = 0; i < p->footprint_count; i++) {
             const footprint *f = &p->footprints[i];
@@ -1073,8 +1063,7 @@ static void forget(path *p) {
         p->memos[i].u = NAN;
 }
 
-/* -----------------------------------------------------------------------------------------
- * >>breaks */
+/* ---------------------------------------------------------------------- >>breaks */
 
 static int has_voxels(const path *p) {
     return p->crossing_count > VOXEL_PLANES;
@@ -1175,10 +1164,10 @@ static void break_cone(path *p, const lamp *light, double angle) {
     }
 }
 
-/* Sorts the breaks from `first` on and drops those that come too close to the one before. */
-static void thin_breaks(path *p, size_t first, double smallest) {
-    size_t i, kept = first + 1;
-    qsort(p->breaks + first, p->break_count - first, sizeof *p->breaks, compare);
+/* Sorts the breaks and drops those that come too close to the one before. */
+static void thin_breaks(path *p, double smallest) {
+    size_t i, kept = 1;
+    qsort(p->breaks, p->break_count, sizeof *p->breaks, compare);
     for (i = kept; i < p->break_count; i++)
         if (p->breaks[i] - p->breaks[kept - 1] > smallest)
             p->breaks[kept++] = p->breaks[i];
@@ -1192,7 +1181,7 @@ static void find_breaks(path *p, const lamp *light) {
     p->break_count = 0;
     break_gaussians(p, light);
     if (p->break_count > 64 && !has_voxels(p)) /* many: as fine as the narrowest is enough */
-        thin_breaks(p, 0, fmax(0.7 * p->narrowest, 1e-3 * (high - low)));
+        thin_breaks(p, fmax(0.7 * p->narrowest, 1e-3 * (high - low)));
     for (i = 0; i <= parts; i++)
         p->breaks[p->break_count++] = low + (high - low) * i / parts;
     break_boxes(p, light);
@@ -1203,7 +1192,7 @@ static void find_breaks(path *p, const lamp *light) {
         break_cone(p, light, (double)light->light->inner);
         break_cone(p, light, (double)light->light->outer);
     }
-    thin_breaks(p, 0, 1e-13 * (high - low));
+    thin_breaks(p, 1e-13 * (high - low));
 }
 
 static int visible_at(const path *p, const lamp *light, double u) {
@@ -1224,7 +1213,7 @@ static double find_edge(const path *p, const lamp *light, double low, double hig
 }
 
 /* Collects the places where the visibility of the light changes; returns the visibility at the
- * start. */
+   start. */
 static int find_edges(path *p, const lamp *light) {
     size_t k, per = PROBES / (p->break_count - 1);
     double before = p->breaks[0];
@@ -1244,8 +1233,7 @@ static int find_edges(path *p, const lamp *light) {
     return start;
 }
 
-/* --------------------------------------------------------------------------------------------
- * >>ray */
+/* ---------------------------------------------------------------------- >>ray */
 
 /* Breaks from low to high, both included, into p->points. */
 static size_t run_points(path *p, double low, double high) {
@@ -1289,8 +1277,8 @@ static void refine(path *p, gsl_function *f) {
     *w = estimate(f, w->low, middle);
 }
 
-/* The integral of f over p->points to a relative 1e-8. Not gsl_integration_qagp: its extrapolation
-   sometimes converges to a false value. */
+/* The integral of f over p->points to a relative 1e-8. Not gsl_integration_qagp, whose
+   extrapolation can settle on a false value where features of very different widths meet. */
 static double adaptive(path *p, gsl_function *f, size_t count) {
     double value, error;
     size_t i;
@@ -1303,7 +1291,7 @@ static double adaptive(path *p, gsl_function *f, size_t count) {
             value += p->intervals[i].value;
             error += p->intervals[i].error;
         }
-        if (error <= 1e-8 * value || p->interval_count == p->interval_limit)
+        if (!(error > 1e-8 * value) || p->interval_count == p->interval_limit)
             return value;
         refine(p, f);
     }
@@ -1405,8 +1393,7 @@ static double emitted(const scatter_medium *m, int c, double tau) {
     return e == 0 ? 0 : extinction > 0 ? e * -expm1(-extinction * tau) / extinction : e * tau;
 }
 
-/* ----------------------------------------------------------------------------------------
- * >>surface */
+/* ---------------------------------------------------------------------- >>surface */
 
 /* Lambert plus Phong, 1/sr. */
 static double reflectance(const scatter_surface *s, vec to_eye, vec to_light, int c) {
@@ -1484,8 +1471,7 @@ int reference_radiance(const scatter_scene *scene, const scatter_ray *ray, doubl
     return 0;
 }
 
-/* ------------------------------------------------------------------------------------------
- * >>image */
+/* ---------------------------------------------------------------------- >>image */
 
 typedef struct image {
     const scatter_scene *scene;

@@ -18,7 +18,7 @@ double reference_density(const scatter_medium *medium, scatter_vec3 x);
 double reference_optical_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q);
 
 /* The same by adaptive quadrature of reference_density to about 1e-9 relative: slow, a check of
- * the other. */
+   the other. */
 double reference_optical_depth_adaptive(const scatter_medium *medium, scatter_vec3 p,
                                         scatter_vec3 q);
 

@@ -102,22 +102,8 @@ static const scatter_medium *open_medium(check_world *w, const medium_case *c) {
     return &w->scene.medium;
 }
 
-/* What the rounding of float coordinates of size 1 (1e-7 m) does to a depth: it moves the faces and
-   voxels of a grid by that much, and a Gaussian's exponent by 2 a h 1e-7, which is below 1e-7 of
-   its deepest path wherever it is not below 1e-5 of the depth itself (a up to 12/m). */
-static double depth_rounding(const scatter_medium *m) {
-    double sum = 0;
-    size_t i;
-    for (i = 0; i < m->gaussian_count; i++)
-        sum += sqrt(CHECK_PI) * m->gaussians[i].c / m->gaussians[i].a;
-    for (i = 0; i < m->grid_count; i++)
-        sum += m->grids[i].scale > 0 ? m->grids[i].scale : 1.0;
-    return 1e-7 * (sum + 1);
-}
-
-/* The same for a density: a Gaussian below 1e-9 of its amplitude is nothing; a voxel coordinate of
-   a row of n voxels is rounded to n 1e-7 voxels, and the value may change by `scale` from voxel to
-   voxel. */
+/* What rounding does to a density: a Gaussian below 1e-9 of its amplitude is nothing; a coordinate among n voxels is
+   rounded to n 1e-7 voxels, and the value may change by `scale` from voxel to voxel. */
 static double density_rounding(const scatter_medium *m) {
     double sum = 0;
     size_t i;
@@ -128,6 +114,17 @@ static double density_rounding(const scatter_medium *m) {
         int n = g->nx + g->ny + g->nz;
         sum += 1e-7 * n * (g->scale > 0 ? g->scale : 1.0f);
     }
+    return sum;
+}
+
+/* The same for a depth, over boxes of 1 m. Coordinates of size 1 are rounded by 1e-7 m, which moves faces by that
+   much, and a Gaussian's exponent by 2 a h 1e-7: below 1e-7 of its deepest path wherever that is not below 1e-5
+   of the depth itself (a up to 12/m). */
+static double depth_rounding(const scatter_medium *m) {
+    double sum = 1e-7 + density_rounding(m);
+    size_t i;
+    for (i = 0; i < m->gaussian_count; i++)
+        sum += 1e-7 * sqrt(CHECK_PI) * m->gaussians[i].c / m->gaussians[i].a;
     return sum;
 }
 
@@ -172,7 +169,7 @@ static double faulty_depth_first(const scatter_medium *m, scatter_vec3 p, scatte
 
 /* The worst relative error of a density at points in and around the unit cube. */
 static double density_error(const scatter_medium *m, density_of subject) {
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     uint64_t seed = 11;
     int i;
     for (i = 0; i < 4000; i++) {
@@ -306,7 +303,7 @@ static const segment_of segments[] = {random_segment,   axis_segment,  grazing_s
 
 /* The worst relative error of a depth on segments of one kind. */
 static double depth_error(const scatter_medium *m, depth_of subject, segment_of kind) {
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     uint64_t seed = 21;
     int i;
     for (i = 0; i < 500; i++) {
@@ -346,7 +343,7 @@ static void test_optical_depth_faults(void **state) {
 static void test_known_depths(void **state) {
     check_world w;
     const scatter_medium *m = &w.scene.medium;
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     (void)state;
     check_world_open(&w);
     medium_constant(&w);
@@ -401,7 +398,7 @@ static void test_misses(void **state) {
 
 /* tau(p,q) against tau(q,p), relative. */
 static double reciprocity_error(const scatter_medium *m, depth_of subject) {
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     uint64_t seed = 41;
     int i;
     for (i = 0; i < 1000; i++) {
@@ -414,7 +411,7 @@ static double reciprocity_error(const scatter_medium *m, depth_of subject) {
 /* tau(p,q) against tau(p,x) + tau(x,q) with x between, relative. x is off the line by its own
    rounding, which costs no more than depth_rounding allows. */
 static double additivity_error(const scatter_medium *m, depth_of subject) {
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     uint64_t seed = 51;
     int i;
     for (i = 0; i < 1000; i++) {
@@ -465,7 +462,7 @@ static void move_world(check_world *w, scatter_vec3 by) {
 
 static void test_translation(void **state) {
     check_world here, there;
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     scatter_vec3 by = check_v3(8, -8, 8);
     uint64_t seed = 61;
     int i;
@@ -493,7 +490,7 @@ static void test_translation(void **state) {
 /* A lamp 10 km away: the depth of the near metre must not drown in the rounding of the far end. */
 static void test_far_end(void **state) {
     check_world w;
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     uint64_t seed = 71;
     int i;
     (void)state;
@@ -557,7 +554,7 @@ static const scatter_phase phases[] = {
 };
 
 static double phase_error(const scatter_phase *phase, phase_of subject) {
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     int i;
     for (i = 0; i <= 512; i++) {
         double cosine = i / 256.0 - 1; /* exact in float */

@@ -137,6 +137,19 @@ static void scene_narrow(check_world *w) {
     check_add_light(w, SCATTER_LIGHT_POINT, lamp_outside, white);
 }
 
+/* Opaque long before the ray has gone as far as from the eye to the cube. */
+static void scene_cube(check_world *w) {
+    w->scene.medium.constant = 1.0f;
+    w->scene.medium.extinction = check_v3(3, 3, 3);
+    check_bound(w, check_cube(0.0f, 1.0f));
+    check_add_light(w, SCATTER_LIGHT_POINT, lamp_outside, white);
+}
+
+static void scene_lamp_on_gaussian(check_world *w) {
+    check_add_gaussians(w, 6, 1.5f, 6.0f, 20);
+    check_add_light(w, SCATTER_LIGHT_POINT, w->gaussians[2].center, white);
+}
+
 typedef struct ray_case {
     const char *name;
     void (*build)(check_world *);
@@ -169,6 +182,8 @@ static const ray_case cases[] = {
     {"eye on a Gaussian", scene_lamp_in_core, {0.5f, 0.5f, 0.5f}},
     {"eye in fog, lamp inside", scene_mix, {0.1f, 0.2f, 0.3f}},
     {"eye far away", scene_twelve, {40.0f, 30.0f, -60.0f}},
+    {"dense cube far away", scene_cube, {0.5f, 0.6f, -30.0f}},
+    {"lamp on a Gaussian", scene_lamp_on_gaussian, {0.5f, 0.6f, -2.0f}},
 };
 
 /* ----------------------------------------------------------------------------- >>the error of an
@@ -244,7 +259,7 @@ static scatter_sample sample_of(const scatter_context *context, scatter_ray ray)
 /* Relative RMSE of the library's rays. */
 static double error_of(const trial *t, const scatter_scene *scene, scatter_quality q) {
     scatter_context *context = open_context(scene, &q);
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     int i;
     for (i = 0; i < RAYS; i++) {
         scatter_sample s = sample_of(context, t->rays[i]);
@@ -347,12 +362,15 @@ static void test_random_scenes(void **state) {
     int i, bad = 0;
     (void)state;
     for (i = 0; i < 24; i++) {
+        double e16, e64;
         random_world(&w, &seed);
         open_trial(&t, &w.scene, check_point(&seed, -2.0f, 3.0f));
-        bad += !check_at_most("16 nodes", error_of(&t, &w.scene, nodes(16)), 5e-3);
-        bad += !check_at_most("64 nodes", error_of(&t, &w.scene, nodes(64)), 1e-4);
-        if (bad)
-            fprintf(stderr, "  in random scene %d\n", i);
+        e16 = error_of(&t, &w.scene, nodes(16));
+        e64 = error_of(&t, &w.scene, nodes(64));
+        if (e16 <= 5e-3 && e64 <= 1e-4)
+            continue;
+        fprintf(stderr, "random scene %d: 16 nodes %.1e, 64 nodes %.1e\n", i, e16, e64);
+        bad++;
     }
     assert_int_equal(bad, 0);
 }
@@ -455,18 +473,43 @@ static void test_stored(void **state) {
     }
 }
 
-/* Voxels are smooth only from voxel to voxel: 1 % at 16 nodes per panel. */
+static void scene_voxels(check_world *w) {
+    check_add_grid(w, 12, 10, 9, check_cube(0, 1), 18)->scale = 4.0f;
+    check_add_light(w, SCATTER_LIGHT_POINT, lamp_outside, white);
+    check_add_light(w, SCATTER_LIGHT_DIRECTIONAL, check_v3(-1, -2, 1), white);
+}
+
+/* Voxels are smooth only from voxel to voxel. Random ones, the roughest there are, sampled once per voxel and
+   twice, four times...: second order. */
 static void test_voxels(void **state) {
+    static trial t;
+    check_world w;
+    double e16, e64;
+    (void)state;
+    check_world_open(&w);
+    scene_voxels(&w);
+    open_trial(&t, &w.scene, check_v3(0.5f, 0.6f, -2.0f));
+    e16 = error_of(&t, &w.scene, nodes(16));
+    e64 = error_of(&t, &w.scene, nodes(64));
+    printf("  voxels: 16 nodes %.1e, 64 nodes %.1e\n", e16, e64);
+    assert_at_least(check_order(e16, e64) / 2, 1.7);
+    assert_at_most(e64, 0.003);
+}
+
+/* More steps than anybody needs agree with the exact traversal of the voxels; so does a second grid whose faces lie
+   inside the first. */
+static void test_voxels_marched(void **state) {
     static trial t;
     check_world w;
     (void)state;
     check_world_open(&w);
-    check_add_grid(&w, 12, 10, 9, check_cube(0, 1), 18)->scale = 4.0f;
-    check_add_light(&w, SCATTER_LIGHT_POINT, lamp_outside, white);
-    check_add_light(&w, SCATTER_LIGHT_DIRECTIONAL, check_v3(-1, -2, 1), white);
+    scene_voxels(&w);
+    check_add_grid(&w, 5, 6, 7, check_cube(0.3f, 0.8f), 19);
     open_trial(&t, &w.scene, check_v3(0.5f, 0.6f, -2.0f));
-    assert_at_most(error_of(&t, &w.scene, nodes(16)), 0.01);
-    assert_at_most(error_of(&t, &w.scene, nodes(64)), 0.003);
+    assert_at_most(error_of(&t, &w.scene, steps(4096)), 1e-3);
+    assert_at_most(error_of(&t, &w.scene, nodes(64)), 0.01); /* two more jumps per ray */
+    w.voxels[1][100] += 2.0f;
+    assert_at_least(error_of(&t, &w.scene, steps(4096)), 1e-3);
 }
 
 /* ----------------------------------------------------------------------------- >>closed formulas
@@ -501,7 +544,7 @@ static double slab_formula(double sigma, double g, double mu, int dark_side) {
 }
 
 static double slab_error(double sigma, double g, double shift) {
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     check_world w;
     scatter_context *context;
     scatter_quality q = nodes(32);
@@ -544,14 +587,15 @@ static void test_sun_through_endless_fog(void **state) {
     context = open_context(&w.scene, &q);
     s = sample_of(context, ray);
     scatter_destroy(context);
-    assert_true(s.radiance.x == 0 && s.transmittance.x == 0);
+    assert_true(s.radiance.x == 0);
+    assert_at_most(s.transmittance.x, 1e-7); /* the ray may end where a float cannot see further */
 }
 
 /* Emission alone is closed for any medium: L = (emission/sigma) (1 - T). */
 static void test_albedo_zero_leaves_emission(void **state) {
     static trial t;
     check_world w;
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     scatter_quality q = nodes(32);
     scatter_context *context;
     int i;
@@ -640,7 +684,7 @@ static void test_energy(void **state) {
 static double difference(const check_world *a, const check_world *b, float length, float factor) {
     scatter_quality q = nodes(16);
     scatter_context *first = open_context(&a->scene, &q), *second = open_context(&b->scene, &q);
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     uint64_t seed = 19;
     int i;
     for (i = 0; i < RAYS; i++) {
@@ -712,7 +756,7 @@ static void test_lights_add(void **state) {
     check_world w;
     scatter_quality q = nodes(16);
     scatter_context *both, *one, *two;
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     uint64_t seed = 23;
     int i;
     (void)state;
@@ -736,23 +780,32 @@ static void test_lights_add(void **state) {
         check_at_most(message, e.worst, 1e-5)); /* float sums of 16 nodes in another order */
 }
 
-/* Looking along a longer vector is looking along the same ray. */
+/* Looking along a longer vector, or lit along one, is the same: any length but 0. Powers of two change no bit of the
+   unit vector. */
 static void test_direction_length(void **state) {
+    static const float lengths[] = {1024.0f, 1e-30f, 1e30f};
     check_world w;
     scatter_quality q = nodes(16);
     scatter_context *context;
     scatter_ray r = {{0.5f, 0.6f, -2.0f}, {0.1f, 0.05f, 1.0f}};
-    scatter_sample a, b;
+    float plain, scaled;
+    size_t i;
     (void)state;
     check_world_open(&w);
-    scene_three(&w);
+    scene_sun(&w);
     context = open_context(&w.scene, &q);
-    a = sample_of(context, r);
-    r.direction =
-        check_v3(1024 * 0.1f, 1024 * 0.05f, 1024); /* a power of two: the same unit vector */
-    b = sample_of(context, r);
+    plain = sample_of(context, r).radiance.x;
     scatter_destroy(context);
-    assert_true(a.radiance.x > 0 && fabsf(a.radiance.x / b.radiance.x - 1) < 1e-6f);
+    assert_true(plain > 0);
+    for (i = 0; i < CHECK_COUNT(lengths); i++) {
+        float by = ldexpf(1.0f, (int)log2f(lengths[i]));
+        r.direction = check_v3(by * 0.1f, by * 0.05f, by);
+        w.lights[0].direction = check_v3(by * -0.3f, -by, by * 0.4f);
+        context = open_context(&w.scene, &q);
+        scaled = sample_of(context, r).radiance.x;
+        scatter_destroy(context);
+        assert_at_most(fabs((double)scaled / plain - 1), 1e-6);
+    }
 }
 
 /* ----------------------------------------------------------------------------- >>awkward rays */
@@ -762,7 +815,7 @@ static double ray_error(const check_world *w, scatter_ray r, int n) {
     scatter_quality q = nodes(n);
     scatter_context *context = open_context(&w->scene, &q);
     scatter_sample s = sample_of(context, r);
-    check_error e = {0, 0, 0, 0};
+    check_error e = check_no_error();
     double truth[3];
     scatter_destroy(context);
     seen_truth(&w->scene, &r, truth);
@@ -920,7 +973,6 @@ static void test_shadow(void **state) {
     static trial t;
     scatter_box box = {{0.2f, 0.75f, 0.0f}, {0.8f, 0.85f, 0.7f}};
     check_world w;
-    double lit;
     (void)state;
     check_world_open(&w);
     check_add_gaussians(&w, 4, 1.0f, 2.0f, 25);
@@ -928,11 +980,12 @@ static void test_shadow(void **state) {
     w.scene.visible = box_visible;
     w.scene.user = &box;
     open_trial(&t, &w.scene, check_v3(0.5f, 0.6f, -2.0f));
-    /* a shadow edge is a jump between two nodes: 1/n of the light at the edge, of either sign */
-    assert_at_most(error_of(&t, &w.scene, nodes(64)), 0.02);
-    w.scene.visible = NULL;
-    lit = error_of(&t, &w.scene, nodes(64));
-    assert_at_least(lit, 0.05); /* without the shadow the check fails */
+    /* an edge that is found ends a smooth piece and costs nothing; what remains are shadows that the ray crosses in
+       less than the distance of the probes, whatever the number of nodes */
+    assert_at_most(error_of(&t, &w.scene, nodes(16)), 5e-3);
+    assert_at_most(error_of(&t, &w.scene, nodes(64)), 5e-3);
+    w.scene.visible = NULL; /* without the shadow the check fails */
+    assert_at_least(error_of(&t, &w.scene, nodes(64)), 0.02);
 }
 
 static void test_wall_behind_the_medium(void **state) {
@@ -1060,6 +1113,7 @@ int main(void) {
         cmocka_unit_test(test_quadrature_beats_march),
         cmocka_unit_test(test_stored),
         cmocka_unit_test(test_voxels),
+        cmocka_unit_test(test_voxels_marched),
         cmocka_unit_test(test_homogeneous_slab),
         cmocka_unit_test(test_sun_through_endless_fog),
         cmocka_unit_test(test_albedo_zero_leaves_emission),

@@ -231,16 +231,14 @@ static void every_phase_arrives(void **state) {
 /* Whether two texts give the same scene. */
 static int same_scene(const char *a, size_t a_bytes, const char *b, size_t b_bytes) {
     scene_file f, g;
-    int same = scene_parse(&f, a, a_bytes, "a") == 0 && scene_parse(&g, b, b_bytes, "b") == 0;
-    if (same)
-        same = f.scene.light_count == g.scene.light_count && f.shape_count == g.shape_count &&
-               f.scene.medium.gaussian_count == g.scene.medium.gaussian_count &&
-               memcmp(f.gaussians, g.gaussians,
-                      f.scene.medium.gaussian_count * sizeof(scatter_gaussian)) == 0 &&
+    int a_failed = scene_parse(&f, a, a_bytes, "a"), b_failed = scene_parse(&g, b, b_bytes, "b");
+    size_t gaussians = f.scene.medium.gaussian_count;
+    int same = !a_failed && !b_failed && f.scene.light_count == g.scene.light_count &&
+               f.shape_count == g.shape_count && gaussians == g.scene.medium.gaussian_count &&
+               memcmp(f.gaussians, g.gaussians, gaussians * sizeof(scatter_gaussian)) == 0 &&
                memcmp(&f.view, &g.view, sizeof f.view) == 0;
     scene_free(&f);
-    if (same)
-        scene_free(&g);
+    scene_free(&g);
     return same;
 }
 
@@ -714,17 +712,12 @@ static int parse_anything(const char *data, size_t bytes) {
 
 static void wrong_pictures_are_refused(void **state) {
     static const char good[] = "PF\n1 2\n-1.0\n123456781234567812345678";
-    static const char *const bad[] = {"Pf\n1 1\n-1\n1234",
-                                      "PF\n0 1\n-1\n",
-                                      "PF\n1 1\n0\n123456781234",
-                                      "PF\n1.5 1\n-1\n123456781234",
-                                      "PF\n-1 -1\n-1\n123456781234",
-                                      "PF\n1e9 1e9\n-1\n123456781234",
-                                      "PF\n1 1\nx\n123456781234",
-                                      "P6\n1 1\n255\n123",
-                                      "PF1 1\n-1\n123456781234",
-                                      "PF\n1 1\n-1\n\xff\xff\xff\x7f"
-                                      "12345678"};
+    static const char *const bad[] = {
+        "Pf\n1 1\n-1\n1234",           "PF\n0 1\n-1\n",
+        "PF\n1 1\n0\n123456781234",    "PF\n1.5 1\n-1\n123456781234",
+        "PF\n-1 -1\n-1\n123456781234", "PF\n1e9 1e9\n-1\n123456781234",
+        "PF\n1 1\nx\n123456781234",    "P6\n1 1\n255\n123",
+        "PF1 1\n-1\n123456781234",     "PF\n1 1\n-1\n\377\377\377\17712345678"};
     (void)state;
     assert_true(cuts_are_refused(good, sizeof good - 1, parse_pfm));
     assert_false(cuts_are_refused(good, sizeof good - 1, parse_anything));
@@ -991,6 +984,21 @@ static void damaged_nanovdb_is_refused(void **state) {
     }
 }
 
+/* A leaf of FpN says itself how many bits its values have: 1 << 4 at most; 1 << 5 would fit into
+   the file. */
+static void leaves_of_too_many_bits_are_refused(void **state) {
+    file_grid grid;
+    file_error error;
+    (void)state;
+    for (uint32_t log2 = 0; log2 < 8; log2++) {
+        build_nvdb();
+        put_u32(NVDB_GRID + PNANOVDB_GRID_OFF_GRID_TYPE, PNANOVDB_GRID_TYPE_FPN);
+        put_u32(NVDB_GRID + NVDB_LEAF + 12, log2 << 29);
+        assert_int_equal(file_nvdb_parse(nvdb, sizeof nvdb, "x", &grid, &error), log2 > 4);
+        file_grid_free(&grid);
+    }
+}
+
 /* Random damage, all grid types: whatever is accepted has finite voxels. */
 static void noisy_nanovdb_does_no_harm(void **state) {
     (void)state;
@@ -1028,23 +1036,38 @@ static size_t build_vdb(char *vdb) {
     return 65;
 }
 
-static void vdb_needs_its_tool(void **state) {
-    char vdb[65], path_before[4096];
+/* Reads a .vdb with another PATH and TMPDIR; nothing may be left in TMPDIR. */
+static int read_vdb_in(const char *path, const char *search, const char *temporary,
+                       file_error *error) {
+    char before[4096], place[4096];
     file_grid grid;
+    const char *old_path = getenv("PATH"), *old_place = getenv("TMPDIR");
+    snprintf(before, sizeof before, "%s", old_path ? old_path : "");
+    snprintf(place, sizeof place, "%s", old_place ? old_place : "/tmp");
+    assert_int_equal(mkdir(temporary, 0700), 0);
+    assert_int_equal(setenv("PATH", search ? search : before, 1), 0);
+    assert_int_equal(setenv("TMPDIR", temporary, 1), 0);
+    int failed = file_grid_read(path, &grid, error);
+    file_grid_free(&grid);
+    assert_int_equal(setenv("PATH", before, 1), 0);
+    assert_int_equal(setenv("TMPDIR", place, 1), 0);
+    assert_int_equal(rmdir(temporary), 0);
+    return failed;
+}
+
+static void vdb_needs_its_tool(void **state) {
+    char vdb[65];
     file_error error;
     (void)state;
     make_directory();
-    const char *file = in_directory(0, "a.vdb"), *empty = in_directory(1, "empty");
-    const char *path = getenv("PATH");
-    snprintf(path_before, sizeof path_before, "%s", path ? path : "");
+    const char *file = in_directory(0, "a.vdb"), *nothing = in_directory(1, "nothing");
     write_file(file, vdb, build_vdb(vdb));
-    assert_int_equal(mkdir(empty, 0700), 0);
-    assert_int_equal(setenv("PATH", empty, 1), 0);
-    assert_int_equal(file_grid_read(file, &grid, &error), 1);
+    assert_int_equal(read_vdb_in(file, nothing, nothing, &error), 1);
     assert_true(strstr(error.text, "libnanovdb-tools") != NULL);
-    assert_int_equal(setenv("PATH", path_before, 1), 0);
-    assert_int_equal(rmdir(empty), 0);
     unlink(file);
+    const char *cloud = VOLUMES "wdas_cloud_sixteenth.vdb";
+    if (access(cloud, R_OK) == 0)
+        assert_int_equal(read_vdb_in(cloud, NULL, nothing, &error), 0);
     remove_directory();
 }
 
@@ -1195,6 +1218,7 @@ int main(void) {
         cmocka_unit_test(nanovdb_grids_are_read),
         cmocka_unit_test(cut_nanovdb_is_refused),
         cmocka_unit_test(damaged_nanovdb_is_refused),
+        cmocka_unit_test(leaves_of_too_many_bits_are_refused),
         cmocka_unit_test(noisy_nanovdb_does_no_harm),
         cmocka_unit_test(vdb_needs_its_tool),
         cmocka_unit_test(cut_vdb_is_refused),
