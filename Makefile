@@ -16,7 +16,7 @@
 
 BUILD = build
 CC = gcc
-CFLAGS = -O3
+CFLAGS = -O3 -ffp-contract=fast
 WARNINGS = -pedantic -Wall -Wextra -Wconversion -Wshadow -Wundef -Wstrict-prototypes
 STRICT = -std=c99 $(WARNINGS) -D_POSIX_C_SOURCE=200809L
 COMPILE = $(CC) $(STRICT) $(CPPFLAGS) $(CFLAGS) -MMD -MP -MF $@.d -MT $@
@@ -131,7 +131,7 @@ define RENDER
 @for file in $$(sed -n 's/^ *grid  *\([^ ]*\).*/\1/p' $<); do \
     [ -e $(<D)/$$file ] || { echo "$*: skipped: no data ($$file)"; exit 0; }; \
 done; \
-echo "$*"; $(BUILD)/scatter-render $< --out $@
+$(BUILD)/scatter-render $< --out $@
 endef
 
 $(BUILD)/gallery/%.png: examples/scenes/%.scatter $(BUILD)/scatter-render | $(BUILD)/gallery

@@ -1798,6 +1798,24 @@ static scatter_vec3 scatteri_ray_direction(const scatteri_rays *rays, int l)
     return scatteri_v3(rays->dx[l], rays->dy[l], rays->dz[l]);
 }
 
+static float scatteri_least(const float *lanes)
+{
+    float least = lanes[0];
+    int l;
+    for (l = 1; l < SCATTERI_LANES; l++)
+        least = lanes[l] < least ? lanes[l] : least;
+    return least;
+}
+
+static float scatteri_most(const float *lanes)
+{
+    float most = lanes[0];
+    int l;
+    for (l = 1; l < SCATTERI_LANES; l++)
+        most = lanes[l] > most ? lanes[l] : most;
+    return most;
+}
+
 /* A box with its own axes, low <= axis . x <= high, x relative to `ref`. */
 typedef struct scatteri_slabs {
     scatter_vec3 ref, axis[3];
@@ -1811,16 +1829,16 @@ SCATTERI_HOT static void scatteri_hold_rays(scatteri_slabs *slabs, const scatter
     slabs->ref = rays->ref;
     for (i = 0; i < 3; i++) {
         const scatter_vec3 n = slabs->axis[i];
-        float low = SCATTERI_FAR, high = -SCATTERI_FAR;
+        float a[SCATTERI_LANES], b[SCATTERI_LANES];
         for (l = 0; l < SCATTERI_LANES; l++) {
             const float o = n.x * rays->ox[l] + n.y * rays->oy[l] + n.z * rays->oz[l];
             const float d = n.x * rays->dx[l] + n.y * rays->dy[l] + n.z * rays->dz[l];
-            const float a = o + d * rays->t0[l], b = o + d * rays->t1[l];
-            low = scatteri_min(low, scatteri_min(a, b));
-            high = scatteri_max(high, scatteri_max(a, b));
+            const float first = o + d * rays->t0[l], last = o + d * rays->t1[l];
+            a[l] = scatteri_min(first, last);
+            b[l] = scatteri_max(first, last);
         }
-        slabs->low[i] = low;
-        slabs->high[i] = high;
+        slabs->low[i] = scatteri_least(a);
+        slabs->high[i] = scatteri_most(b);
     }
 }
 
@@ -2208,7 +2226,7 @@ SCATTERI_HOT static void scatteri_add_gathered(const scatteri_shadows *s, int co
                 scatteri_shadow_exact(s->a[g], s->scale[g], p->length + first, m, fade, sum);
         }
         for (l = 0; l < SCATTERI_LANES; l++)
-            depth[first + l] += scatteri_max(sum[l], 0.0f);
+            depth[first + l] += sum[l];
     }
 }
 
@@ -2299,7 +2317,7 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
         scatteri_face_source(&d->source, &d->medium->desc, count, p);
         scatteri_add_shadows(shadows, count, p, depth);
         for (i = 0; i < left; i++)
-            out[i] = p->distance[i] > 0.0f ? scatteri_stored(d, depth[i], p->distance[i])
+            out[i] = p->distance[i] > 0.0f ? scatteri_stored(d, scatteri_max(depth[i], 0.0f), p->distance[i])
                                            : scatteri_local_density(d->medium, d->source.position);
     }
 }
@@ -2646,21 +2664,13 @@ SCATTERI_HOT static void scatteri_sample_field(const scatteri_field *field, cons
     float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES];
     scatter_box box;
     int l;
-    box.min = scatteri_v3(SCATTERI_FAR, SCATTERI_FAR, SCATTERI_FAR);
-    box.max = scatteri_scale(box.min, -1.0f);
     for (l = 0; l < SCATTERI_LANES; l++) {
         x[l] = rays->ox[l] + t[l] * rays->dx[l];
         y[l] = rays->oy[l] + t[l] * rays->dy[l];
         z[l] = rays->oz[l] + t[l] * rays->dz[l];
     }
-    for (l = 0; l < SCATTERI_LANES; l++) {
-        box.min.x = scatteri_min(box.min.x, x[l]);
-        box.min.y = scatteri_min(box.min.y, y[l]);
-        box.min.z = scatteri_min(box.min.z, z[l]);
-        box.max.x = scatteri_max(box.max.x, x[l]);
-        box.max.y = scatteri_max(box.max.y, y[l]);
-        box.max.z = scatteri_max(box.max.z, z[l]);
-    }
+    box.min = scatteri_v3(scatteri_least(x), scatteri_least(y), scatteri_least(z));
+    box.max = scatteri_v3(scatteri_most(x), scatteri_most(y), scatteri_most(z));
     if (scatteri_may_be_filled(field, scatteri_add(rays->ref, box.min), scatteri_add(rays->ref, box.max)))
         scatteri_field_lanes_inline(field, rays->ref, x, y, z, density);
 }
@@ -2785,7 +2795,8 @@ SCATTERI_FN float scatteri_gather8(const float *v, int base, int sy, int sz, flo
 
 /* Depth at 16 points from a volume of cells. A point outside the box is moved along its segment to where the
    segment leaves the box. */
-SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_points *p, int first, float *depth)
+SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_points *p, int first,
+                                     float *SCATTERI_RESTRICT depth)
 {
     const scatter_box b = scatteri_box_from(d->box, p->ref);
     const int nx = d->nx, ny = d->ny, nz = d->nz, directional = d->source.directional;
@@ -2821,13 +2832,14 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
 }
 
 /* Depth at 16 points from columns. Behind the last shell nothing is added any more. */
-SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_points *p, int first, float *depth)
+SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_points *p, int first,
+                                       float *SCATTERI_RESTRICT depth)
 {
     const int directional = d->source.directional, nu = d->nx, nv = d->ny, nr = d->nz;
     const scatter_vec3 u = d->axis_u, v = d->axis_v, w = d->axis_w;
     const scatter_vec3 o = directional ? p->ref : scatteri_sub(p->ref, d->source.position);
     const float iu = 1.0f / d->step_u, iv = 1.0f / d->step_v, ir = 1.0f / d->step_r;
-    const float last = d->low_r + (float)(nr - 1) * d->step_r;
+    const float last = d->low_r + (float)(nr - 1) * d->step_r, parallel = (float)directional;
     int base[SCATTERI_LANES], l;
     float fr[SCATTERI_LANES], fu[SCATTERI_LANES], fv[SCATTERI_LANES], factor[SCATTERI_LANES];
     for (l = 0; l < SCATTERI_LANES; l++) {
@@ -2835,8 +2847,8 @@ SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_po
         const scatter_vec3 q = scatteri_v3(u.x * x + u.y * y + u.z * z, v.x * x + v.y * y + v.z * z,
                                            w.x * x + w.y * y + w.z * z);
         const scatteri_vec2 e = scatteri_oct_encode(q);
-        const float a = directional ? q.x : e.x, b = directional ? q.y : e.y;
-        const float r = scatteri_min(directional ? q.z : p->distance[first + l], last);
+        const float a = e.x + parallel * (q.x - e.x), b = e.y + parallel * (q.y - e.y);
+        const float away = scatteri_min(p->distance[first + l], 1e18f), r = scatteri_min(away + parallel * (q.z - away), last);
         const float gu = scatteri_clamp((a - d->low_u) * iu, 0.0f, (float)(nu - 1));
         const float gv = scatteri_clamp((b - d->low_v) * iv, 0.0f, (float)(nv - 1));
         const float gr = scatteri_clamp((r - d->low_r) * ir, 0.0f, (float)(nr - 1));
@@ -2845,7 +2857,7 @@ SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_po
         fu[l] = gu - (float)cu;
         fv[l] = gv - (float)cv;
         fr[l] = gr - (float)cr;
-        factor[l] = directional ? 1.0f : r;
+        factor[l] = r + parallel * (1.0f - r);
     }
     for (l = 0; l < SCATTERI_LANES; l++)
         depth[first + l] += factor[l] * scatteri_gather8(d->values, base[l], nu, nu * nv, fu[l], fv[l], fr[l]);
@@ -3568,7 +3580,7 @@ SCATTERI_HOT static int scatteri_matters(const scatteri_nodes *n, float sigma)
     }
     for (first = 0; first < n->count; first += SCATTERI_LANES)
         for (l = 0; l < SCATTERI_LANES; l++)
-            most[l] = scatteri_max(most[l], n->density[first + l] * n->weight[first + l]);
+            most[l] += n->density[first + l] * n->weight[first + l];
     for (l = 0; l < SCATTERI_LANES; l++)
         some |= (most[l] > 0.0f) & (sigma * least[l] < SCATTERI_OPAQUE);
     return some;
@@ -3912,8 +3924,8 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
     const scatter_context *c = eye->context;
     const scatteri_light *light = eye->pass.cut;
     scatteri_panels *panels = &eye->panels;
-    const int local = eye->pass.map.local;
-    float most = 0.0f;
+    const scatteri_map *map = &eye->pass.map;
+    float features[SCATTERI_LANES];
     int l;
     if (c->medium.has_analytic || eye->samples > 0 || !eye->page.complete ||
         (light != NULL && (light->desc.kind == SCATTER_LIGHT_SPOT || c->scene.visible != NULL)))
@@ -3922,15 +3934,18 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
         panels->ua[0][l] = eye->hull0[l];
         panels->ub[0][l] = scatteri_max(eye->hull1[l], eye->hull0[l]);
         panels->cells[0][l] = 0.0f;
-        most = scatteri_max(most, eye->features[l] * (panels->ub[0][l] - panels->ua[0][l]));
+        features[l] = eye->features[l] * (panels->ub[0][l] - panels->ua[0][l]);
     }
-    for (l = 0; l < SCATTERI_LANES && local; l++) {
-        panels->ua[0][l] = scatteri_to_u(&eye->pass.map, l, panels->ua[0][l]);
-        panels->ub[0][l] = scatteri_to_u(&eye->pass.map, l, panels->ub[0][l]);
+    if (!map->local)
+        return scatteri_most(features);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float ua = scatteri_asinh((panels->ua[0][l] - map->t0[l]) / map->d[l]);
+        const float ub = scatteri_asinh((panels->ub[0][l] - map->t0[l]) / map->d[l]);
+        panels->ua[0][l] = ua;
+        panels->ub[0][l] = ub;
+        features[l] = scatteri_max(features[l], ub - ua);
     }
-    for (l = 0; l < SCATTERI_LANES && local; l++)
-        most = scatteri_max(most, panels->ub[0][l] - panels->ua[0][l]);
-    return most;
+    return scatteri_most(features);
 }
 
 /* The rule with as many nodes as `features` need; NULL if that is too many for one panel. */

@@ -22,8 +22,11 @@
 #include "report.h"
 #include <sys/stat.h>
 
-#ifndef BENCH_FLAGS
-#define BENCH_FLAGS "not told"
+/* The Makefile tells its flags with -DBENCH_FLAGS='"$(CFLAGS)"'. */
+#if !defined(BENCH_FLAGS) && defined(__OPTIMIZE__)
+#define BENCH_FLAGS "not told, optimised"
+#elif !defined(BENCH_FLAGS)
+#define BENCH_FLAGS "not told, NOT optimised"
 #endif
 
 typedef struct benchmark {

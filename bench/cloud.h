@@ -40,7 +40,7 @@ static const cloud_way cloud_ways[CLOUD_WAYS] = {
     {SCATTER_DEPTH_POLAR, SCATTER_DENSITY_VOLUME, SCATTER_RAY_QUADRATURE, 16, 128},
     {SCATTER_DEPTH_CLOSED_VOLUME, SCATTER_DENSITY_EXACT, SCATTER_RAY_QUADRATURE, 16, 64}};
 
-/* One way to run vdb_render. Its default steps are 1 voxel on the primary and 3 on the shadow ray. */
+/* One way to run vdb_render. Its default steps are 1 voxel on the eye's ray, 3 on shadow rays. */
 typedef struct peer_way {
     const char *title, *options;
     int threads;
@@ -70,8 +70,7 @@ static int cloud_is_there(void)
     return access(CLOUD_DATA, R_OK) == 0;
 }
 
-/* --------------------------------------------------------------------------------------------
- * vdb_render */
+/* -------------------------------------------------------------------------------- vdb_render */
 
 /* Its coefficients are for a voxel, its light is radiance: the phase function 1/(4 pi) goes into
    the light, the sun's direction is turned round, and gain 0 makes its shadows those of physics. */
@@ -147,8 +146,7 @@ static int peer_round(cloud_bench *b, int round)
     return 1;
 }
 
-/* -------------------------------------------------------------------------------------------------
- * ours */
+/* -------------------------------------------------------------------------------------- ours */
 
 static void cloud_open(cloud_bench *b, const char *path)
 {

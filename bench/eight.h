@@ -133,8 +133,7 @@ static void eight_targets(report *r, const eight_bench *b)
                   ratio);
 }
 
-/* ------------------------------------------------------------------------------------------- image
- * sizes */
+/* ------------------------------------------------------------------------------- image sizes */
 
 static void eight_sizes(report *r, const eight_bench *b)
 {

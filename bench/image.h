@@ -8,8 +8,7 @@
 #include "measure.h"
 #include "report.h"
 
-/* -------------------------------------------------------------------------------------------
- * settings */
+/* ---------------------------------------------------------------------------------- settings */
 
 /* One way to make an image. */
 typedef struct setting {
@@ -40,7 +39,7 @@ static double setting_ms(const setting *s)
 /* Is there none that is at least as fast and as accurate, and better in one of the two? */
 static int on_front(const setting *s, const setting *all, int n)
 {
-    if (s->skipped)
+    if (s->skipped || isnan(s->rmse))
         return 0;
     for (int i = 0; i < n; i++) {
         double ms = setting_ms(&all[i]), mine = setting_ms(s);
@@ -51,8 +50,7 @@ static int on_front(const setting *s, const setting *all, int n)
     return 1;
 }
 
-/* -------------------------------------------------------------------------------------------
- * pictures */
+/* ---------------------------------------------------------------------------------- pictures */
 
 static scatter_image image_of(float *rgb, int width, int height)
 {
@@ -117,8 +115,7 @@ static void image_lattice(const float *rgb, int size, int count, float *out)
                    rgb + 3 * ((first + y * stride) * size + first + x * stride), 3 * sizeof *out);
 }
 
-/* ------------------------------------------------------------------------------------------
- * references */
+/* -------------------------------------------------------------------------------- references */
 
 #define HASH_START 14695981039346656037ull
 

@@ -13,8 +13,7 @@
 #include <time.h>
 #include <unistd.h>
 
-/* ----------------------------------------------------------------------------------------------
- * time */
+/* -------------------------------------------------------------------------------------- time */
 
 static double now_ms(void)
 {
@@ -61,8 +60,7 @@ static const char *timing_flag(const timing *t)
     return timing_spread(t) > 0.1 ? "~" : "";
 }
 
-/* ------------------------------------------------------------------------------------ random
- * numbers */
+/* ---------------------------------------------------------------------------- random numbers */
 
 /* xorshift64*, uniform in [0, 1). The state must not be 0. */
 static double random_unit(uint64_t *state)
@@ -87,8 +85,7 @@ static scatter_vec3 random_point(uint64_t *state)
     return p;
 }
 
-/* --------------------------------------------------------------------------------------------
- * errors */
+/* ------------------------------------------------------------------------------------ errors */
 
 /* The larger one, or the one that is not a number: a broken result must stay visible. */
 static double worse_of(double a, double b)
@@ -132,8 +129,7 @@ static void check_measures(void)
     exit(1);
 }
 
-/* ----------------------------------------------------------------------------------------------
- * host */
+/* -------------------------------------------------------------------------------------- host */
 
 /* Counts what the library allocates, and runs its loops on `threads` threads. */
 typedef struct bench_host {

@@ -134,6 +134,7 @@ static void report_print(const report *r, FILE *out)
     fflush(out);
 }
 
+/* Without the marks `~`, which are for readers. */
 static void report_write_csv(const report *r)
 {
     FILE *csv = fopen(r->csv, "w");
@@ -141,7 +142,8 @@ static void report_write_csv(const report *r)
         report_die("cannot write", r->csv);
     for (int i = 0; i < r->rows; i++)
         for (int c = 0; c < r->columns; c++)
-            fprintf(csv, "\"%s\"%s", r->cell[i][c], c + 1 < r->columns ? "," : "\n");
+            fprintf(csv, "\"%.*s\"%s", (int)strcspn(r->cell[i][c], "~"), r->cell[i][c],
+                    c + 1 < r->columns ? "," : "\n");
     if (fclose(csv) != 0)
         report_die("cannot write", r->csv);
 }

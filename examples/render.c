@@ -366,7 +366,8 @@ static difference compare_pictures(const file_picture *picture, const file_pictu
 static int check_picture(const options *o, const file_picture *picture) {
     size_t pixels = (size_t)picture->width * (size_t)picture->height, wrong = 0;
     for (size_t i = 0; i < pixels; i++)
-        wrong += !isfinite(picture->rgb[3 * i] + picture->rgb[3 * i + 1] + picture->rgb[3 * i + 2]);
+        if (!isfinite(picture->rgb[3 * i] + picture->rgb[3 * i + 1] + picture->rgb[3 * i + 2]))
+            wrong++;
     if (wrong)
         return complain(1, "%s: %.0f pixels are not finite, which is a fault of scatter.h",
                         o->scene, (double)wrong);

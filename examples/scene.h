@@ -124,20 +124,17 @@ typedef struct scene_reader {
     float v[16];   /* its numbers */
 } scene_reader;
 
-/* "path:line: directive: sentence" into out->error; returns 1. */
+/* "path:line: sentence" (of a long path only the end) into out->error; returns 1. */
 static inline int scene_fail(scene_reader *r, const char *format, ...) {
     char sentence[560];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(sentence, sizeof sentence, format, arguments);
     va_end(arguments);
-    size_t room = sizeof r->out->error, length = strlen(sentence);
     const char *path = r->path ? r->path : "scene";
-    size_t path_length = strlen(path),
-           path_room = room - length - 16 < room ? room - length - 16 : 0;
-    const char *tail =
-        path_length > path_room ? path + (path_length - path_room) : path; /* the end counts */
-    snprintf(r->out->error, room, "%s:%d: %s", tail, r->line, sentence);
+    size_t length = strlen(path), most = sizeof r->out->error - strlen(sentence) - 16;
+    snprintf(r->out->error, sizeof r->out->error, "%s:%d: %s",
+             path + (length > most ? length - most : 0), r->line, sentence);
     return 1;
 }
 
@@ -178,9 +175,9 @@ static inline int scene_number(scene_reader *r, float *value) {
 }
 
 /* Exactly the numbers named in `names` (separated by blanks) up to the end of the line; a name in
-   [] may be left out. They go to v[first] and on; returns 0 or 1. */
-static inline int scene_numbers(scene_reader *r, int first, const char *names) {
-    int i = first;
+   [] may be left out. They go to v[0] and on; returns 0 or 1. */
+static inline int scene_numbers(scene_reader *r, const char *names) {
+    int i = 0;
     for (const char *name = names; *name; name += *name == ' ') {
         size_t length = strcspn(name, " ");
         scene_skip_blanks(r);
@@ -243,7 +240,7 @@ static inline void *scene_append(scene_reader *r, void *array, size_t count, siz
 /* -------------------------------------------------------------------------------- >>directives */
 
 static inline int scene_image(scene_reader *r) {
-    if (scene_numbers(r, 0, "W H"))
+    if (scene_numbers(r, "W H"))
         return 1;
     for (int i = 0; i < 2; i++)
         if (!(r->v[i] >= 1 && r->v[i] <= 65536 && r->v[i] == floorf(r->v[i])))
@@ -272,9 +269,8 @@ static inline int scene_camera(scene_reader *r) {
     if (!r->out->orthographic && strcmp(kind, "perspective") != 0)
         return scene_fail(r, "expected 'camera perspective' or 'camera orthographic'");
     r->directive = r->out->orthographic ? "camera orthographic" : "camera perspective";
-    if (scene_numbers(r, 0,
-                      r->out->orthographic ? "EX EY EZ TX TY TZ UX UY UZ HEIGHT"
-                                           : "EX EY EZ TX TY TZ UX UY UZ FOVY"))
+    if (scene_numbers(r, r->out->orthographic ? "EX EY EZ TX TY TZ UX UY UZ HEIGHT"
+                                              : "EX EY EZ TX TY TZ UX UY UZ FOVY"))
         return 1;
     if (!scene_is_camera(r->v))
         return scene_fail(
@@ -291,7 +287,7 @@ static inline int scene_camera(scene_reader *r) {
 }
 
 static inline int scene_medium(scene_reader *r) {
-    if (scene_numbers(r, 0, "ST_R ST_G ST_B AL_R AL_G AL_B"))
+    if (scene_numbers(r, "ST_R ST_G ST_B AL_R AL_G AL_B"))
         return 1;
     if (!scene_within(r->v, 0, FLT_MAX) || !scene_within(r->v + 3, 0, 1))
         return scene_fail(r, "expected extinctions >= 0 and albedos from 0 to 1");
@@ -301,7 +297,7 @@ static inline int scene_medium(scene_reader *r) {
 }
 
 static inline int scene_emission(scene_reader *r) {
-    if (scene_numbers(r, 0, "R G B"))
+    if (scene_numbers(r, "R G B"))
         return 1;
     if (!scene_within(r->v, 0, FLT_MAX))
         return scene_fail(r, "expected an emission >= 0");
@@ -312,7 +308,7 @@ static inline int scene_emission(scene_reader *r) {
 static inline int scene_phase_hg(scene_reader *r, scatter_phase *phase, int draine) {
     phase->kind = draine ? SCATTER_PHASE_DRAINE : SCATTER_PHASE_HG;
     r->directive = draine ? "phase draine" : "phase hg";
-    if (scene_numbers(r, 0, draine ? "G ALPHA" : "G"))
+    if (scene_numbers(r, draine ? "G ALPHA" : "G"))
         return 1;
     if (!(fabsf(r->v[0]) <= 0.9999f))
         return scene_fail(r, "expected G from -0.9999 to 0.9999");
@@ -332,7 +328,7 @@ static inline int scene_phase(scene_reader *r) {
     if (strcmp(kind, "droplets") == 0) {
         phase->kind = SCATTER_PHASE_DROPLETS;
         r->directive = "phase droplets";
-        if (scene_numbers(r, 0, "DIAMETER_UM"))
+        if (scene_numbers(r, "DIAMETER_UM"))
             return 1;
         phase->diameter_um = r->v[0];
         return r->v[0] > 0 && r->v[0] <= 50
@@ -344,11 +340,11 @@ static inline int scene_phase(scene_reader *r) {
         return scene_fail(r,
                           "expected 'phase isotropic', 'hg', 'rayleigh', 'draine' or 'droplets'");
     r->directive = phase->kind == SCATTER_PHASE_RAYLEIGH ? "phase rayleigh" : "phase isotropic";
-    return scene_numbers(r, 0, "");
+    return scene_numbers(r, "");
 }
 
 static inline int scene_bounds(scene_reader *r) {
-    if (scene_numbers(r, 0, "X0 Y0 Z0 X1 Y1 Z1"))
+    if (scene_numbers(r, "X0 Y0 Z0 X1 Y1 Z1"))
         return 1;
     if (!scene_all_less(r->v, r->v + 3))
         return scene_fail(r, "expected X0 < X1, Y0 < Y1 and Z0 < Z1");
@@ -359,7 +355,7 @@ static inline int scene_bounds(scene_reader *r) {
 }
 
 static inline int scene_constant(scene_reader *r) {
-    if (scene_numbers(r, 0, "D0"))
+    if (scene_numbers(r, "D0"))
         return 1;
     float sum = r->out->scene.medium.constant + r->v[0];
     if (!(r->v[0] >= 0) || !(sum <= FLT_MAX))
@@ -370,7 +366,7 @@ static inline int scene_constant(scene_reader *r) {
 
 static inline int scene_height(scene_reader *r) {
     scatter_height height;
-    if (scene_numbers(r, 0, "D0 Y0 SCALE"))
+    if (scene_numbers(r, "D0 Y0 SCALE"))
         return 1;
     if (!(r->v[0] >= 0) || !(r->v[2] > 0))
         return scene_fail(r, "expected a density >= 0 and a scale above 0 m");
@@ -388,7 +384,7 @@ static inline int scene_height(scene_reader *r) {
 
 static inline int scene_gaussian(scene_reader *r) {
     scatter_gaussian gaussian;
-    if (scene_numbers(r, 0, "CX CY CZ A C"))
+    if (scene_numbers(r, "CX CY CZ A C"))
         return 1;
     if (!(r->v[3] > 0) || !(r->v[4] >= 0))
         return scene_fail(r, "expected an inverse width A above 0 and a density C >= 0");
@@ -446,7 +442,7 @@ static inline int scene_grid(scene_reader *r) {
     if (length == 0 || length >= sizeof name)
         return scene_fail(r, "expected 'grid FILE X0 Y0 Z0 X1 Y1 Z1 SCALE'");
     r->directive = "grid FILE";
-    if (scene_numbers(r, 0, "X0 Y0 Z0 X1 Y1 Z1 SCALE"))
+    if (scene_numbers(r, "X0 Y0 Z0 X1 Y1 Z1 SCALE"))
         return 1;
     if (!scene_all_less(r->v, r->v + 3) || !(r->v[6] >= 0))
         return scene_fail(r, "expected X0 < X1, Y0 < Y1, Z0 < Z1 and SCALE >= 0");
@@ -477,7 +473,7 @@ static inline int scene_is_zero(const float *v) {
 static inline int scene_light_point(scene_reader *r, scatter_light *light) {
     r->directive = "light point";
     r->v[6] = 0.01f;
-    if (scene_numbers(r, 0, "X Y Z R G B [RADIUS]"))
+    if (scene_numbers(r, "X Y Z R G B [RADIUS]"))
         return 1;
     light->kind = SCATTER_LIGHT_POINT;
     light->position = scene_vec3(r->v);
@@ -489,7 +485,7 @@ static inline int scene_light_point(scene_reader *r, scatter_light *light) {
 static inline int scene_light_spot(scene_reader *r, scatter_light *light) {
     r->directive = "light spot";
     r->v[11] = 0.01f;
-    if (scene_numbers(r, 0, "X Y Z DX DY DZ INNER OUTER R G B [RADIUS]"))
+    if (scene_numbers(r, "X Y Z DX DY DZ INNER OUTER R G B [RADIUS]"))
         return 1;
     if (scene_is_zero(r->v + 3))
         return scene_fail(r, "expected a direction that is not 0 0 0");
@@ -507,7 +503,7 @@ static inline int scene_light_spot(scene_reader *r, scatter_light *light) {
 
 static inline int scene_light_directional(scene_reader *r, scatter_light *light) {
     r->directive = "light directional";
-    if (scene_numbers(r, 0, "DX DY DZ R G B"))
+    if (scene_numbers(r, "DX DY DZ R G B"))
         return 1;
     if (scene_is_zero(r->v))
         return scene_fail(r, "expected a direction that is not 0 0 0");
@@ -549,7 +545,7 @@ static inline int scene_append_shape(scene_reader *r, const scene_shape *shape) 
 /* A box may be flat: a wall of no thickness. */
 static inline int scene_box(scene_reader *r) {
     scene_shape shape = {SCENE_BOX, {0, 0, 0}, {0, 0, 0}, 0, {0, 0, 0}};
-    if (scene_numbers(r, 0, "X0 Y0 Z0 X1 Y1 Z1 R G B"))
+    if (scene_numbers(r, "X0 Y0 Z0 X1 Y1 Z1 R G B"))
         return 1;
     if (!(r->v[0] <= r->v[3] && r->v[1] <= r->v[4] && r->v[2] <= r->v[5]))
         return scene_fail(r, "expected X0 <= X1, Y0 <= Y1 and Z0 <= Z1");
@@ -561,7 +557,7 @@ static inline int scene_box(scene_reader *r) {
 
 static inline int scene_sphere(scene_reader *r) {
     scene_shape shape = {SCENE_SPHERE, {0, 0, 0}, {0, 0, 0}, 0, {0, 0, 0}};
-    if (scene_numbers(r, 0, "CX CY CZ RADIUS R G B"))
+    if (scene_numbers(r, "CX CY CZ RADIUS R G B"))
         return 1;
     if (!(r->v[3] > 0))
         return scene_fail(r, "expected a RADIUS above 0 m");
@@ -574,7 +570,7 @@ static inline int scene_sphere(scene_reader *r) {
 /* n.x = OFFSET for the normal as given; both are divided by its length. */
 static inline int scene_plane(scene_reader *r) {
     scene_shape shape = {SCENE_PLANE, {0, 0, 0}, {0, 0, 0}, 0, {0, 0, 0}};
-    if (scene_numbers(r, 0, "NX NY NZ OFFSET R G B"))
+    if (scene_numbers(r, "NX NY NZ OFFSET R G B"))
         return 1;
     if (scene_is_zero(r->v))
         return scene_fail(r, "expected a normal that is not 0 0 0");
@@ -590,7 +586,7 @@ static inline int scene_plane(scene_reader *r) {
 }
 
 static inline int scene_background(scene_reader *r) {
-    if (scene_numbers(r, 0, "R G B"))
+    if (scene_numbers(r, "R G B"))
         return 1;
     if (!scene_within(r->v, 0, FLT_MAX))
         return scene_fail(r, "expected a radiance >= 0");

@@ -1075,52 +1075,93 @@ static void test_scene_is_copied(void **state) {
 
 /* ----------------------------------------------------------------------------- >>images */
 
-/* A region holds the pixels of the whole image, and nothing else is touched. */
-static int region_matches(const scatter_context *context, const picture *whole, int x0, int y0,
-                          int x1, int y1) {
-    static picture part, clean;
+typedef struct region {
+    int x0, y0, x1, y1;
+} region;
+
+/* Renders a region of the image that is described in p, over a fresh pattern. */
+static void shoot_region(const scatter_context *context, picture *p, const scatter_image *like,
+                         region r) {
     scatter_view view = front_view();
+    const float *color = like->color, *distance = like->distance; /* `like` may be in p */
+    open_picture(p);
+    p->image.color = color;
+    p->image.distance = distance;
+    p->image.x0 = r.x0;
+    p->image.y0 = r.y0;
+    p->image.x1 = r.x1;
+    p->image.y1 = r.y1;
+    assert_int_equal(scatter_render(context, &view, &p->image), SCATTER_OK);
+}
+
+/* A region holds the pixels of the whole image, and nothing else is touched. */
+static int region_matches(const scatter_context *context, const picture *whole, region r) {
+    static picture part, clean;
     int x, y;
     open_picture(&clean);
-    open_picture(&part);
-    part.image.x0 = x0;
-    part.image.y0 = y0;
-    part.image.x1 = x1;
-    part.image.y1 = y1;
-    assert_int_equal(scatter_render(context, &view, &part.image), SCATTER_OK);
+    shoot_region(context, &part, &whole->image, r);
     for (y = 0; y < HEIGHT; y++)
         for (x = 0; x < WIDTH; x++) {
-            const picture *wanted = x >= x0 && x < x1 && y >= y0 && y < y1 ? whole : &clean;
+            const picture *wanted = x >= r.x0 && x < r.x1 && y >= r.y0 && y < r.y1 ? whole : &clean;
             size_t i = (size_t)(3 * (y * WIDTH + x));
-            if (memcmp(&part.rgb[i], &wanted->rgb[i], 12) != 0 ||
-                memcmp(&part.transmittance[i], &wanted->transmittance[i], 12) != 0)
+            if (memcmp(&part.rgb[i], &wanted->rgb[i], 3 * sizeof(float)) != 0 ||
+                memcmp(&part.transmittance[i], &wanted->transmittance[i], 3 * sizeof(float)) != 0)
                 return 0;
         }
     return 1;
 }
 
+static region random_region(uint64_t *seed) {
+    region r;
+    r.x0 = (int)(check_bits(seed) % WIDTH);
+    r.y0 = (int)(check_bits(seed) % HEIGHT);
+    r.x1 = r.x0 + 1 + (int)(check_bits(seed) % (uint64_t)(WIDTH - r.x0));
+    r.y1 = r.y0 + 1 + (int)(check_bits(seed) % (uint64_t)(HEIGHT - r.y0));
+    return r;
+}
+
+/* A host's picture with a depth for each pixel, some of which end no ray. */
+static void host_picture(float *color, float *distance) {
+    static const float odd[] = {NAN, INFINITY, 0.0f, -1.0f, -INFINITY};
+    uint64_t seed = 6;
+    int i;
+    for (i = 0; i < WIDTH * HEIGHT; i++) {
+        scatter_vec3 c = check_point(&seed, 0, 3);
+        color[3 * i] = c.x;
+        color[3 * i + 1] = c.y;
+        color[3 * i + 2] = c.z;
+        distance[i] = i % 3 ? check_uniform(&seed, 0.5f, 5.0f) : odd[i % 5];
+    }
+}
+
+/* Bit for bit, with and without a host's picture: no ray depends on the rays that are computed
+ * beside it. */
 static void test_regions(void **state) {
     static check_world w;
     static picture whole;
+    static float color[FLOATS], distance[WIDTH * HEIGHT];
+    static const region all = {0, 0, WIDTH, HEIGHT}, last = {WIDTH - 1, HEIGHT - 1, WIDTH, HEIGHT};
     check_host books;
     scatter_quality q = stored_quality();
     scatter_context *context;
     uint64_t seed = 5;
-    int i;
+    int i, composed;
     (void)state;
     open_full(&w);
+    host_picture(color, distance);
     context = open_logged(&books, &w, &q);
-    assert_int_equal(shoot(context, &whole), SCATTER_OK);
-    assert_true(region_matches(context, &whole, 0, 0, WIDTH, HEIGHT));
-    assert_true(region_matches(context, &whole, WIDTH - 1, HEIGHT - 1, WIDTH, HEIGHT));
-    for (i = 0; i < 20; i++) {
-        int x0 = (int)(check_bits(&seed) % WIDTH), y0 = (int)(check_bits(&seed) % HEIGHT);
-        int x1 = x0 + 1 + (int)(check_bits(&seed) % (uint64_t)(WIDTH - x0));
-        int y1 = y0 + 1 + (int)(check_bits(&seed) % (uint64_t)(HEIGHT - y0));
-        assert_true(region_matches(context, &whole, x0, y0, x1, y1));
+    for (composed = 0; composed < 2; composed++) {
+        open_picture(&whole);
+        whole.image.color = composed ? color : NULL;
+        whole.image.distance = composed ? distance : NULL;
+        shoot_region(context, &whole, &whole.image, all);
+        assert_true(region_matches(context, &whole, all));
+        assert_true(region_matches(context, &whole, last));
+        for (i = 0; i < 20; i++)
+            assert_true(region_matches(context, &whole, random_region(&seed)));
     }
     whole.rgb[3 * (7 * WIDTH + 5)] += 0.25f; /* the check can fail */
-    assert_false(region_matches(context, &whole, 0, 0, WIDTH, HEIGHT));
+    assert_false(region_matches(context, &whole, all));
     scatter_destroy(context);
 }
 
@@ -1152,20 +1193,6 @@ static void test_pixels_are_rays(void **state) {
                            1e-5 * rgb[1]);
         }
     scatter_destroy(context);
-}
-
-/* A host's picture with a depth for each pixel, some of which end no ray. */
-static void host_picture(float *color, float *distance) {
-    static const float odd[] = {NAN, INFINITY, 0.0f, -1.0f, -INFINITY};
-    uint64_t seed = 6;
-    int i;
-    for (i = 0; i < WIDTH * HEIGHT; i++) {
-        scatter_vec3 c = check_point(&seed, 0, 3);
-        color[3 * i] = c.x;
-        color[3 * i + 1] = c.y;
-        color[3 * i + 2] = c.z;
-        distance[i] = i % 3 ? check_uniform(&seed, 0.5f, 5.0f) : odd[i % 5];
-    }
 }
 
 /* What pixel i of the host's picture must become: L + T color. */

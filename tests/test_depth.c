@@ -1,6 +1,6 @@
-/* test_depth.c - the optical depth from a source, by every method of scatter.h: errors, convergence orders,
-   awkward sources. The magnitudes asserted are those that the project measured for the methods in double
-   precision before it was written (16 random Gaussians in the unit cube). */
+/* test_depth.c - the optical depth from a source, by every method of scatter.h: errors, convergence
+   orders, awkward sources. The magnitudes asserted are those that the project measured for the
+   methods in double precision before it was written (16 random Gaussians in the unit cube). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -19,16 +19,14 @@
 typedef struct method {
     const char *name;
     scatter_depth_method id;
-    double at_32; /* twice the relative RMS error measured for 32 cells: room for other Gaussians and sources */
+    double at_32; /* twice the relative RMS error measured for 32 cells: room for other Gaussians
+                     and sources */
 } method;
 
 static const method methods[] = {
-    {"closed", SCATTER_DEPTH_CLOSED, 1e-5},
-    {"closed volume", SCATTER_DEPTH_CLOSED_VOLUME, 0.006},
-    {"eq6", SCATTER_DEPTH_EQ6, 1.10},
-    {"upwind", SCATTER_DEPTH_UPWIND, 0.26},
-    {"short", SCATTER_DEPTH_SHORT, 0.106},
-    {"polar", SCATTER_DEPTH_POLAR, 0.076},
+    {"closed", SCATTER_DEPTH_CLOSED, 1e-5}, {"closed volume", SCATTER_DEPTH_CLOSED_VOLUME, 0.006},
+    {"eq6", SCATTER_DEPTH_EQ6, 1.10},       {"upwind", SCATTER_DEPTH_UPWIND, 0.26},
+    {"short", SCATTER_DEPTH_SHORT, 0.106},  {"polar", SCATTER_DEPTH_POLAR, 0.076},
     {"march", SCATTER_DEPTH_MARCH, 0.0174},
 };
 
@@ -60,9 +58,11 @@ static scatter_quality quality_of(scatter_depth_method id, int grid) {
     return q;
 }
 
-/* ----------------------------------------------------------------------------- >>the error of a method */
+/* ----------------------------------------------------------------------------- >>the error of a
+ * method */
 
-/* A point anywhere in low..high; with `cells` moved to the nearest centre of a cell of the unit cube. */
+/* A point anywhere in low..high; with `cells` moved to the nearest centre of a cell of the unit
+ * cube. */
 static scatter_vec3 place(uint64_t *seed, float low, float high, int cells) {
     scatter_vec3 x = check_point(seed, low, high);
     float n = (float)cells;
@@ -88,15 +88,16 @@ static void add_errors(check_error *e, const scatter_medium *m, const scatter_so
 }
 
 /* Relative RMS error at points between cells. */
-static double error_in(const scatter_medium *m, scatter_source source, scatter_depth_method id, int n,
-                       float low, float high) {
+static double error_in(const scatter_medium *m, scatter_source source, scatter_depth_method id,
+                       int n, float low, float high) {
     scatter_quality q = quality_of(id, n);
     check_error e = check_no_error();
     add_errors(&e, m, &source, &q, low, high, 0);
     return check_relative_rms(&e);
 }
 
-static double error_of(const scatter_medium *m, scatter_source source, scatter_depth_method id, int n) {
+static double error_of(const scatter_medium *m, scatter_source source, scatter_depth_method id,
+                       int n) {
     return error_in(m, source, id, n, 0.0f, 1.0f);
 }
 
@@ -116,13 +117,15 @@ typedef struct ladder {
     double coarse, middle, fine;
 } ladder;
 
-static ladder climb(const char *name, scatter_source source, scatter_depth_method id, int n, int at_cells) {
+static ladder climb(const char *name, scatter_source source, scatter_depth_method id, int n,
+                    int at_cells) {
     ladder e;
     e.coarse = error_of_clouds(source, id, n, at_cells);
     e.middle = error_of_clouds(source, id, 2 * n, at_cells);
     e.fine = error_of_clouds(source, id, 4 * n, at_cells);
-    printf("  %-13s %3d, %3d, %3d: %8.5f %8.5f %8.5f   orders %.2f %.2f\n", name, n, 2 * n, 4 * n, e.coarse,
-           e.middle, e.fine, check_order(e.coarse, e.middle), check_order(e.middle, e.fine));
+    printf("  %-13s %3d, %3d, %3d: %8.5f %8.5f %8.5f   orders %.2f %.2f\n", name, n, 2 * n, 4 * n,
+           e.coarse, e.middle, e.fine, check_order(e.coarse, e.middle),
+           check_order(e.middle, e.fine));
     return e;
 }
 
@@ -133,19 +136,18 @@ static int is_second_order(ladder e) {
     return order >= 1.7 && order <= 2.3 && e.fine < e.middle;
 }
 
-/* On the finest pair: where the smearing of a first-order scheme is still wider than the Gaussians, it hides. */
+/* On the finest pair: where the smearing of a first-order scheme is still wider than the Gaussians,
+ * it hides. */
 static int is_first_order(ladder e) {
     double order = check_order(e.middle, e.fine);
     return order >= 0.7 && order <= 1.3;
 }
 
 /* An error floor: large, and the same on the finer grid. */
-static int is_inconsistent(ladder e) {
-    return e.fine > 0.3 && fabs(e.fine / e.middle - 1) < 0.2;
-}
+static int is_inconsistent(ladder e) { return e.fine > 0.3 && fabs(e.fine / e.middle - 1) < 0.2; }
 
-/* All methods at the centres of cells, where they were measured; the closed volume, exact there, between them.
-   `between`: what trilinear reading of exact values may cost at 64. */
+/* All methods at the centres of cells, where they were measured; the closed volume, exact there,
+   between them. `between`: what trilinear reading of exact values may cost at 64. */
 static void assert_orders(scatter_source source, double between) {
     ladder closed_volume = climb("closed volume", source, SCATTER_DEPTH_CLOSED_VOLUME, 16, 0);
     ladder polar = climb("polar", source, SCATTER_DEPTH_POLAR, 16, 1);
@@ -175,8 +177,8 @@ static void test_orders_light_inside(void **state) {
     assert_orders(point_source(0.41f, 0.57f, 0.36f), 0.001); /* the project's requirement */
 }
 
-/* From outside, shadows have the whole cube to cross and stay as narrow as the Gaussians that throw them, while the
-   mean depth is less: three times as much. */
+/* From outside, shadows have the whole cube to cross and stay as narrow as the Gaussians that throw
+   them, while the mean depth is less: three times as much. */
 static void test_orders_light_outside(void **state) {
     (void)state;
     assert_orders(point_source(1.4f, 1.3f, -0.5f), 0.003);
@@ -197,7 +199,8 @@ static void test_closed_is_exact(void **state) {
     for (i = 0; i < 8; i++) {
         scatter_vec3 s = check_point(&seed, -1.0f, 2.0f);
         const scatter_medium *m = open_cloud(&w, (uint64_t)i + 10);
-        double error = error_in(m, point_source(s.x, s.y, s.z), SCATTER_DEPTH_CLOSED, 16, -0.5f, 1.5f);
+        double error =
+            error_in(m, point_source(s.x, s.y, s.z), SCATTER_DEPTH_CLOSED, 16, -0.5f, 1.5f);
         assert_at_most(error, 1e-5);
     }
 }
@@ -213,11 +216,13 @@ static void test_automatic(void **state) {
     assert_true(error_of(m, s, SCATTER_DEPTH_AUTO, 32) == error_of(m, s, SCATTER_DEPTH_POLAR, 32));
 }
 
-/* ----------------------------------------------------------------------------- >>eq6 and its consistent form */
+/* ----------------------------------------------------------------------------- >>eq6 and its
+ * consistent form */
 
-/* One voxel of density 1 over the cube, the light in a corner: what upwind sees is the distance, what eq. 6 as
-   printed sees is the distance along the axes. */
-static void constant_cube_errors(scatter_depth_method id, int n, double *euclid, double *manhattan) {
+/* One voxel of density 1 over the cube, the light in a corner: what upwind sees is the distance,
+   what eq. 6 as printed sees is the distance along the axes. */
+static void constant_cube_errors(scatter_depth_method id, int n, double *euclid,
+                                 double *manhattan) {
     scatter_source s = point_source(0, 0, 0);
     scatter_quality q = quality_of(id, n);
     scatter_depth *depth = NULL;
@@ -246,8 +251,9 @@ static void test_manhattan(void **state) {
     (void)state;
     constant_cube_errors(SCATTER_DEPTH_EQ6, 32, &euclid_32, &manhattan_32);
     constant_cube_errors(SCATTER_DEPTH_EQ6, 64, &euclid_64, &manhattan_64);
-    /* a cell more or less on each axis, of a mean length of 1.7 in cells of 1/64: 3/64/1.7, and half of that again
-       for what leaks in along the walls; it goes away with the cells, so the limit is the Manhattan length */
+    /* a cell more or less on each axis, of a mean length of 1.7 in cells of 1/64: 3/64/1.7, and
+       half of that again for what leaks in along the walls; it goes away with the cells, so the
+       limit is the Manhattan length */
     assert_at_most(manhattan_64, 0.042);
     assert_at_most(manhattan_64 / manhattan_32, 0.62);
     assert_at_least(euclid_64, 0.5); /* "about 50 % too deep on average" */
@@ -258,7 +264,8 @@ static void test_manhattan(void **state) {
     assert_at_least(manhattan_64, 0.3);
 }
 
-/* ----------------------------------------------------------------------------- >>awkward sources */
+/* ----------------------------------------------------------------------------- >>awkward sources
+ */
 
 /* All methods on 32 cells; `factor` as in test_orders: 1 inside, 3 outside. */
 static void assert_source_works(const scatter_medium *m, scatter_source s, double factor) {
@@ -276,8 +283,8 @@ static void test_source_on_cell(void **state) {
     const scatter_medium *m = open_cloud(&w, 4);
     (void)state;
     assert_source_works(m, point_source(16.5f / 32, 9.5f / 32, 20.5f / 32), 1); /* centre */
-    assert_source_works(m, point_source(0.5f, 0.5f, 0.5f), 1);                  /* corner of eight cells */
-    assert_source_works(m, point_source(0.5f, 9.5f / 32, 20.5f / 32), 1);       /* face */
+    assert_source_works(m, point_source(0.5f, 0.5f, 0.5f), 1); /* corner of eight cells */
+    assert_source_works(m, point_source(0.5f, 9.5f / 32, 20.5f / 32), 1); /* face */
 }
 
 static void test_source_on_gaussian(void **state) {
@@ -351,7 +358,8 @@ static void test_far_source(void **state) {
 /* ----------------------------------------------------------------------------- >>properties */
 
 /* Depth between the source and x. */
-static double depth_between(const scatter_medium *m, scatter_source s, scatter_vec3 x, scatter_depth_method id) {
+static double depth_between(const scatter_medium *m, scatter_source s, scatter_vec3 x,
+                            scatter_depth_method id) {
     scatter_quality q = quality_of(id, 32);
     scatter_depth *depth = NULL;
     double tau;
@@ -421,8 +429,9 @@ static void test_points_outside(void **state) {
     assert_int_equal(bad, 0);
 }
 
-/* Unbounded Gaussians: the volume is the library's to choose. 64 cells over a support that is three times as wide as
-   the cube must be worth 21 cells over the cube, a second-order method's (3/2)^2 of its error on 32. */
+/* Unbounded Gaussians: the volume is the library's to choose. 64 cells over a support that is three
+   times as wide as the cube must be worth 21 cells over the cube, a second-order method's (3/2)^2
+   of its error on 32. */
 static void test_unbounded(void **state) {
     check_world w;
     size_t i;
@@ -431,7 +440,8 @@ static void test_unbounded(void **state) {
     open_cloud(&w, 14);
     w.scene.medium.bounded = 0;
     for (i = 0; i < CHECK_COUNT(methods); i++) {
-        double error = error_in(&w.scene.medium, point_source(0.41f, 0.57f, 0.36f), methods[i].id, 64, -1.0f, 2.0f);
+        double error = error_in(&w.scene.medium, point_source(0.41f, 0.57f, 0.36f), methods[i].id,
+                                64, -1.0f, 2.0f);
         double limit = methods[i].id == SCATTER_DEPTH_CLOSED ? 1e-5 : 2.25 * methods[i].at_32;
         bad += !check_at_most(methods[i].name, error, limit);
     }
@@ -454,7 +464,8 @@ static void test_fog_is_exact(void **state) {
         assert_at_most(error_in(m, sun(1, -2, 0.5f), methods[i].id, 8, -2, 2), 1e-5);
 }
 
-/* Random voxels, a quarter of the grid's resolution: the magnitudes of Gaussians for a light outside. */
+/* Random voxels, a quarter of the grid's resolution: the magnitudes of Gaussians for a light
+ * outside. */
 static void test_voxels(void **state) {
     check_world w;
     (void)state;

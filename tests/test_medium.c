@@ -102,8 +102,9 @@ static const scatter_medium *open_medium(check_world *w, const medium_case *c) {
     return &w->scene.medium;
 }
 
-/* What rounding does to a density: a Gaussian below 1e-9 of its amplitude is nothing; a coordinate among n voxels is
-   rounded to n 1e-7 voxels, and the value may change by `scale` from voxel to voxel. */
+/* What rounding does to a density: a Gaussian below 1e-9 of its amplitude is nothing; a coordinate
+   among n voxels is rounded to n 1e-7 voxels, and the value may change by `scale` from voxel to
+   voxel. */
 static double density_rounding(const scatter_medium *m) {
     double sum = 0;
     size_t i;
@@ -117,9 +118,9 @@ static double density_rounding(const scatter_medium *m) {
     return sum;
 }
 
-/* The same for a depth, over boxes of 1 m. Coordinates of size 1 are rounded by 1e-7 m, which moves faces by that
-   much, and a Gaussian's exponent by 2 a h 1e-7: below 1e-7 of its deepest path wherever that is not below 1e-5
-   of the depth itself (a up to 12/m). */
+/* The same for a depth, over boxes of 1 m. Coordinates of size 1 are rounded by 1e-7 m, which moves
+   faces by that much, and a Gaussian's exponent by 2 a h 1e-7: below 1e-7 of its deepest path
+   wherever that is not below 1e-5 of the depth itself (a up to 12/m). */
 static double depth_rounding(const scatter_medium *m) {
     double sum = 1e-7 + density_rounding(m);
     size_t i;

@@ -479,8 +479,8 @@ static void scene_voxels(check_world *w) {
     check_add_light(w, SCATTER_LIGHT_DIRECTIONAL, check_v3(-1, -2, 1), white);
 }
 
-/* Voxels are smooth only from voxel to voxel. Random ones, the roughest there are, sampled once per voxel and
-   twice, four times...: second order. */
+/* Voxels are smooth only from voxel to voxel. Random ones, the roughest there are, sampled once per
+   voxel and twice, four times...: second order. */
 static void test_voxels(void **state) {
     static trial t;
     check_world w;
@@ -496,8 +496,8 @@ static void test_voxels(void **state) {
     assert_at_most(e64, 0.003);
 }
 
-/* More steps than anybody needs agree with the exact traversal of the voxels; so does a second grid whose faces lie
-   inside the first. */
+/* More steps than anybody needs agree with the exact traversal of the voxels; so does a second grid
+   whose faces lie inside the first. */
 static void test_voxels_marched(void **state) {
     static trial t;
     check_world w;
@@ -587,7 +587,7 @@ static void test_sun_through_endless_fog(void **state) {
     context = open_context(&w.scene, &q);
     s = sample_of(context, ray);
     scatter_destroy(context);
-    assert_true(s.radiance.x == 0);
+    assert_at_most(s.radiance.x, 1e-30);     /* exp underflows to about that, or to 0 */
     assert_at_most(s.transmittance.x, 1e-7); /* the ray may end where a float cannot see further */
 }
 
@@ -780,8 +780,8 @@ static void test_lights_add(void **state) {
         check_at_most(message, e.worst, 1e-5)); /* float sums of 16 nodes in another order */
 }
 
-/* Looking along a longer vector, or lit along one, is the same: any length but 0. Powers of two change no bit of the
-   unit vector. */
+/* Looking along a longer vector, or lit along one, is the same: any length but 0. Powers of two
+   change no bit of the unit vector. */
 static void test_direction_length(void **state) {
     static const float lengths[] = {1024.0f, 1e-30f, 1e30f};
     check_world w;
@@ -980,8 +980,8 @@ static void test_shadow(void **state) {
     w.scene.visible = box_visible;
     w.scene.user = &box;
     open_trial(&t, &w.scene, check_v3(0.5f, 0.6f, -2.0f));
-    /* an edge that is found ends a smooth piece and costs nothing; what remains are shadows that the ray crosses in
-       less than the distance of the probes, whatever the number of nodes */
+    /* an edge that is found ends a smooth piece and costs nothing; what remains are shadows that
+       the ray crosses in less than the distance of the probes, whatever the number of nodes */
     assert_at_most(error_of(&t, &w.scene, nodes(16)), 5e-3);
     assert_at_most(error_of(&t, &w.scene, nodes(64)), 5e-3);
     w.scene.visible = NULL; /* without the shadow the check fails */

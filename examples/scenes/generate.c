@@ -1,12 +1,12 @@
-/* generate.c - scatter-generate: a cumulus cloud of any number of Gaussians, as a scene file. MIT licence,
-   see LICENSE.
+/* generate.c - scatter-generate: a cumulus cloud of any number of Gaussians, as a scene file. MIT
+   licence, see LICENSE.
 
-       build/scatter-generate 1000  > examples/scenes/cumulus_1000.scatter    (committed)
-       build/scatter-generate 27000 > build/scenes/cumulus_27000.scatter      (a megabyte, made when needed)
+       build/scatter-generate 1000  > examples/scenes/cumulus_1000.scatter (committed)
+       build/scatter-generate 27000 > build/scenes/cumulus_27000.scatter     (1 MB, made when needed)
 
-   The cloud grows as cumulus does: puffs sit on puffs. Each new one is placed on the surface of an older one, and
-   is smaller. The same count gives the same file everywhere: the random numbers are the program's own, and all
-   numbers are rounded to four digits. */
+   The cloud grows as cumulus does: puffs sit on puffs. Each new one is placed on the surface of an
+   older one, and is smaller. The same count gives the same file on every run: the random numbers are
+   the program's own, and all numbers are rounded to four digits. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -59,16 +59,19 @@ static int choose_parent(int count) {
 }
 
 static void print_header(int count) {
-    printf("# A cumulus cloud of %d Gaussians: the cost of many, which a density volume makes constant.\n", count);
+    printf("# A cumulus cloud of %d Gaussians: the cost of many, which a density volume makes "
+           "constant.\n",
+           count);
     printf("# smooth\n# Written by scatter-generate %d.\n", count);
     printf("image 640 480\ncamera perspective 0 1.2 9  0 1.15 0  0 1 0  34\n");
     printf("medium 3.4 3.45 3.6  0.99 0.99 0.99\nphase hg 0.1\n");
-    printf("light directional 0.75 -0.6 -0.55  15 13.5 11\nlight directional -0.2 -1 -0.1  1.2 1.8 2.8\n");
+    printf("light directional 0.75 -0.6 -0.55  15 13.5 11\nlight directional -0.2 -1 -0.1  1.2 1.8 "
+           "2.8\n");
     printf("background 0.06 0.14 0.36\n");
 }
 
-/* A Gaussian with half of its density at about 0.6 of the radius. The smaller the puff, the denser, so that it
-   shows; the more there are, the thinner each. */
+/* A Gaussian with half of its density at about 0.6 of the radius. The smaller the puff, the denser,
+   so that it shows; the more there are, the thinner each. */
 static void print_puff(const puff *p, int count) {
     double a = 1.35 / p->radius, c = 0.28 / p->radius * pow(1000.0 / count, 0.35);
     printf("gaussian %.4f %.4f %.4f  %.4f %.4f\n", p->x, p->y, p->z, a, c);
