@@ -107,7 +107,7 @@ INSTRUMENT_descriptors = -fno-sanitize-coverage=trace-cmp
 # New inputs are kept in build/fuzz between runs, so a later run goes on where the last one ended.
 $(FUZZERS): %: $(BUILD)/% | $(BUILD)/fuzz
 	mkdir -p $(BUILD)/fuzz/$@
-	$< -max_total_time=$(FUZZ_SECONDS) -timeout=20 -rss_limit_mb=2048 -print_final_stats=1 \
+	$< -max_total_time=$(FUZZ_SECONDS) -timeout=120 -rss_limit_mb=2048 -print_final_stats=1 \
 	    -artifact_prefix=$(BUILD)/fuzz/ $(OPTIONS_$@) $(BUILD)/fuzz/$@ $(SEEDS_$@)
 SEEDS_fuzz_scene = examples/scenes
 OPTIONS_fuzz_descriptors = -len_control=0 -max_len=2048

@@ -451,6 +451,7 @@ enum {
     SCATTERI_NODES = 256,   /* nodes of one panel */
     SCATTERI_PROFILE = 768, /* samples of voxel density along one ray */
     SCATTERI_STEPS = 4096,  /* of the march */
+    SCATTERI_CHUNKS = 50,   /* reports of progress in one stage */
     SCATTERI_BRICK = 8      /* voxels along the edge of a brick of the empty-space mask */
 };
 
@@ -1091,15 +1092,47 @@ static size_t scatteri_bytes(size_t a, size_t b, size_t c, size_t size)
     return a * b * c * size;
 }
 
-static void scatteri_parallel(const scatter_host *host, int count, void (*task)(void *, int), void *data)
+/* A part of a long call, and which part of its progress this is. */
+typedef struct scatteri_stage {
+    const scatter_host *host;
+    float low, high;
+} scatteri_stage;
+
+/* Task numbers first..first+count of a job. */
+typedef struct scatteri_chunk {
+    void (*task)(void *, int);
+    void *data;
+    int first;
+} scatteri_chunk;
+
+static void scatteri_do_task(void *data, int index)
 {
+    const scatteri_chunk *chunk = (const scatteri_chunk *)data;
+    chunk->task(chunk->data, chunk->first + index);
+}
+
+/* All tasks; in chunks, so that progress can be told and the host can cancel, if it asked for that. */
+static scatter_result scatteri_parallel(const scatteri_stage *stage, int count, void (*task)(void *, int), void *data)
+{
+    const scatter_host *host = stage->host;
+    const int step = host->progress != NULL ? (count - 1) / SCATTERI_CHUNKS + 1 : count;
+    scatteri_chunk chunk;
     int i;
-    if (host->parallel_for != NULL) {
-        host->parallel_for(host->user, count, task, data);
-        return;
+    chunk.task = task;
+    chunk.data = data;
+    for (chunk.first = 0; chunk.first < count; chunk.first += step) {
+        const int some = count - chunk.first < step ? count - chunk.first : step;
+        const float fraction = stage->low + (stage->high - stage->low) * (float)chunk.first / (float)count;
+        if (host->progress != NULL && host->progress(host->user, fraction) != 0)
+            return scatteri_fail(host, SCATTER_CANCELLED, "host.progress cancelled");
+        if (host->parallel_for != NULL)
+            host->parallel_for(host->user, some, scatteri_do_task, &chunk);
+        for (i = 0; i < some && host->parallel_for == NULL; i++)
+            scatteri_do_task(&chunk, i);
     }
-    for (i = 0; i < count; i++)
-        task(data, i);
+    if (host->progress != NULL && stage->high >= 1.0f)
+        (void)host->progress(host->user, 1.0f);
+    return SCATTER_OK;
 }
 
 /* ----------------------------------------------------------------------------------------- >>medium
@@ -1216,7 +1249,7 @@ static float scatteri_field_at(const scatteri_field *field, scatter_vec3 x)
 static double scatteri_crossing(double g, double dg, double t, int n)
 {
     const double at = g + dg * t;
-    double plane = dg > 0.0 ? floor(at + 1e-7) + 1.0 : ceil(at - 1e-7) - 1.0;
+    double plane = dg > 0.0 ? floor(at + 1e-9) + 1.0 : ceil(at - 1e-9) - 1.0;
     if (dg == 0.0)
         return (double)SCATTERI_FAR;
     if (dg > 0.0 ? plane < 0.0 : plane > (double)(n - 1))
@@ -1226,33 +1259,79 @@ static double scatteri_crossing(double g, double dg, double t, int n)
     return (plane - g) / dg;
 }
 
+/* A segment whose geometry is computed in double, so that a far end costs no digits at the near one. */
+typedef struct scatteri_segment {
+    double origin[3], direction[3], length; /* direction: unit */
+} scatteri_segment;
+
+static scatteri_segment scatteri_segment_between(scatter_vec3 p, scatter_vec3 q)
+{
+    scatteri_segment s;
+    int i;
+    s.length = 0.0;
+    for (i = 0; i < 3; i++) {
+        s.origin[i] = (double)scatteri_get(p, i);
+        s.direction[i] = (double)scatteri_get(q, i) - s.origin[i];
+        s.length += s.direction[i] * s.direction[i];
+    }
+    s.length = sqrt(s.length);
+    for (i = 0; i < 3; i++)
+        s.direction[i] /= s.length > 0.0 ? s.length : 1.0;
+    return s;
+}
+
+/* The part of the segment inside the box; 0 if there is none. */
+static int scatteri_cut_segment(scatteri_segment *s, scatter_box box)
+{
+    double t0 = 0.0, t1 = s->length;
+    int i;
+    for (i = 0; i < 3; i++) {
+        const double low = (double)scatteri_get(box.min, i) - s->origin[i];
+        const double high = (double)scatteri_get(box.max, i) - s->origin[i], d = s->direction[i];
+        if (d == 0.0) {
+            if (low > 0.0 || high < 0.0)
+                return 0;
+            continue;
+        }
+        t0 = fmax(t0, (d > 0.0 ? low : high) / d);
+        t1 = fmin(t1, (d > 0.0 ? high : low) / d);
+    }
+    if (!(t0 < t1))
+        return 0;
+    for (i = 0; i < 3; i++)
+        s->origin[i] += t0 * s->direction[i];
+    s->length = t1 - t0;
+    return 1;
+}
+
 /* Integral of the field over the segment, exact: between the planes through the voxel centres the field along a
    straight line is a cubic polynomial, which two Gauss-Legendre points integrate exactly. */
-static float scatteri_field_depth(const scatteri_field *field, scatter_vec3 p, scatter_vec3 direction, float length)
+static float scatteri_field_depth(const scatteri_field *field, scatteri_segment s)
 {
     const double gauss = 0.21132486540518712; /* (1 - 1/sqrt 3) / 2 */
-    float t0 = 0.0f, t1 = length;
-    scatter_vec3 g, dg;
-    double sum = 0.0, t;
-    if (!scatteri_clip(field->grid.box, p, direction, &t0, &t1))
+    const scatter_grid *grid = &field->grid;
+    const double per[3] = {(double)field->per_metre.x, (double)field->per_metre.y, (double)field->per_metre.z};
+    const int n[3] = {grid->nx, grid->ny, grid->nz};
+    double g[3], dg[3], sum = 0.0, t = 0.0;
+    int i;
+    if (!scatteri_cut_segment(&s, grid->box))
         return 0.0f;
-    g = scatteri_voxel_coordinates(field, scatteri_along(p, direction, t0));
-    dg = scatteri_mul(direction, field->per_metre);
-    t = 0.0;
-    t1 -= t0;
-    while (t < (double)t1) {
-        double next = (double)t1, step, a, b;
-        a = scatteri_crossing((double)g.x, (double)dg.x, t, field->grid.nx);
-        next = a < next ? a : next;
-        a = scatteri_crossing((double)g.y, (double)dg.y, t, field->grid.ny);
-        next = a < next ? a : next;
-        a = scatteri_crossing((double)g.z, (double)dg.z, t, field->grid.nz);
-        next = a < next ? a : next;
-        step = next - t;
-        a = (double)scatteri_voxels_at(&field->grid, scatteri_along(g, dg, (float)(t + gauss * step)));
-        b = (double)scatteri_voxels_at(&field->grid, scatteri_along(g, dg, (float)(next - gauss * step)));
-        sum += 0.5 * step * (a + b);
-        t = next > t ? next : (double)t1;
+    for (i = 0; i < 3; i++) {
+        g[i] = (s.origin[i] - (double)scatteri_get(grid->box.min, i)) * per[i] - 0.5;
+        dg[i] = s.direction[i] * per[i];
+    }
+    while (t < s.length) {
+        double next = s.length, a, b;
+        for (i = 0; i < 3; i++)
+            next = fmin(next, scatteri_crossing(g[i], dg[i], t, n[i]));
+        a = t + gauss * (next - t);
+        b = next - gauss * (next - t);
+        sum += 0.5 * (next - t) *
+               ((double)scatteri_voxels_at(grid, scatteri_v3((float)(g[0] + a * dg[0]), (float)(g[1] + a * dg[1]),
+                                                             (float)(g[2] + a * dg[2]))) +
+                (double)scatteri_voxels_at(grid, scatteri_v3((float)(g[0] + b * dg[0]), (float)(g[1] + b * dg[1]),
+                                                             (float)(g[2] + b * dg[2]))));
+        t = next > t ? next : s.length;
     }
     return field->scale * (float)sum;
 }
@@ -1383,24 +1462,27 @@ static float scatteri_analytic_depth(const scatter_medium *medium, float y, floa
     return depth < SCATTERI_FAR ? depth : SCATTERI_FAR;
 }
 
-static float scatteri_gaussian_depth(scatter_gaussian g, scatter_vec3 p, scatter_vec3 direction, float length)
+static float scatteri_gaussian_depth(scatter_gaussian g, const scatteri_segment *s)
 {
-    const scatter_vec3 to = scatteri_sub(g.center, p);
-    const float m = scatteri_dot(to, direction);
-    const scatter_vec3 off = scatteri_sub(to, scatteri_scale(direction, m));
-    return scatteri_gauss_depth(g.a, g.c, scatteri_dot(off, off), m, length);
+    const double x = (double)g.center.x - s->origin[0], y = (double)g.center.y - s->origin[1];
+    const double z = (double)g.center.z - s->origin[2], a = (double)g.a;
+    const double m = x * s->direction[0] + y * s->direction[1] + z * s->direction[2];
+    const double px = x - m * s->direction[0], py = y - m * s->direction[1], pz = z - m * s->direction[2];
+    const float e = scatteri_exp((float)-fmin(a * a * (px * px + py * py + pz * pz), 1e4));
+    const float low = (float)fmax(fmin(-a * m, 1e6), -1e6), high = (float)fmax(fmin(a * (s->length - m), 1e6), -1e6);
+    return g.c * e * scatteri_erf_span(low, high, (float)fmin(0.5 * a * s->length, 1e6)) * (0.88622693f / g.a);
 }
 
-/* Depth of the local terms from p over `length` metres, inside the bounds if there are any. */
-static float scatteri_local_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 direction, float length)
+/* Depth of the local terms along the segment. */
+static float scatteri_local_depth(const scatter_medium *medium, const scatteri_segment *s)
 {
     float depth = 0.0f;
     size_t i;
     for (i = 0; i < medium->gaussian_count; i++)
-        depth += scatteri_gaussian_depth(medium->gaussians[i], p, direction, length);
+        depth += scatteri_gaussian_depth(medium->gaussians[i], s);
     for (i = 0; i < medium->grid_count; i++) {
         const scatteri_field field = scatteri_field_of(&medium->grids[i]);
-        depth += scatteri_field_depth(&field, p, direction, length);
+        depth += scatteri_field_depth(&field, *s);
     }
     return depth;
 }
@@ -1430,16 +1512,11 @@ SCATTER_API float scatter_density(const scatter_medium *medium, scatter_vec3 x)
 
 SCATTER_API float scatter_optical_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q)
 {
-    const scatter_vec3 pq = scatteri_sub(q, p);
-    const float length = scatteri_length(pq);
-    const scatter_vec3 direction = scatteri_scale(pq, length > 0.0f ? 1.0f / length : 0.0f);
-    float t0 = 0.0f, t1 = length;
-    scatter_vec3 start;
-    if (!(length > 0.0f) || !scatteri_bounded(medium, p, direction, &t0, &t1))
+    scatteri_segment s = scatteri_segment_between(p, q);
+    if (!(s.length > 0.0) || (medium->bounded && !scatteri_cut_segment(&s, medium->bounds)))
         return 0.0f;
-    start = scatteri_along(p, direction, t0);
-    return scatteri_analytic_depth(medium, start.y, direction.y, t1 - t0) +
-           scatteri_local_depth(medium, start, direction, t1 - t0);
+    return scatteri_analytic_depth(medium, (float)s.origin[1], (float)s.direction[1], (float)s.length) +
+           scatteri_local_depth(medium, &s);
 }
 
 /* --- the prepared medium --- */
@@ -1760,8 +1837,8 @@ static void scatteri_inject_slab(void *data, int slab)
             scatteri_empty_outside(job, j, k, v->values + ((size_t)k * ny + (size_t)j) * nx);
 }
 
-static void scatteri_inject(const scatter_host *host, const scatter_medium *medium, const scatter_volume *volume,
-                            int analytic)
+static scatter_result scatteri_inject(const scatteri_stage *stage, const scatter_medium *medium,
+                                      const scatter_volume *volume, int analytic)
 {
     scatteri_injection job;
     job.medium = medium;
@@ -1771,7 +1848,7 @@ static void scatteri_inject(const scatter_host *host, const scatter_medium *medi
                            (volume->box.max.z - volume->box.min.z) / (float)volume->nz);
     job.analytic = analytic;
     job.slabs = volume->nz < SCATTERI_SLABS ? volume->nz : SCATTERI_SLABS;
-    scatteri_parallel(host, job.slabs, scatteri_inject_slab, &job);
+    return scatteri_parallel(stage, job.slabs, scatteri_inject_slab, &job);
 }
 
 /* --- Gaussians along 16 rays ---
@@ -2230,6 +2307,20 @@ SCATTERI_HOT static void scatteri_add_gathered(const scatteri_shadows *s, int co
     }
 }
 
+/* The segment from a point to its source, inside the bounds. */
+static scatteri_segment scatteri_segment_of(const scatteri_points *p, int i)
+{
+    scatteri_segment s;
+    s.origin[0] = (double)p->ref.x + (double)p->x[i];
+    s.origin[1] = (double)p->ref.y + (double)p->y[i];
+    s.origin[2] = (double)p->ref.z + (double)p->z[i];
+    s.direction[0] = (double)p->dx[i];
+    s.direction[1] = (double)p->dy[i];
+    s.direction[2] = (double)p->dz[i];
+    s.length = (double)p->length[i];
+    return s;
+}
+
 /* Depth of the grids by exact traversal: slow, and exact. */
 static void scatteri_add_field_depths(const scatteri_medium *medium, int count, const scatteri_points *p, float *depth)
 {
@@ -2237,9 +2328,7 @@ static void scatteri_add_field_depths(const scatteri_medium *medium, int count, 
     int i;
     for (f = 0; f < medium->desc.grid_count; f++)
         for (i = 0; i < count; i++)
-            depth[i] += scatteri_field_depth(&medium->fields[f],
-                                             scatteri_add(p->ref, scatteri_v3(p->x[i], p->y[i], p->z[i])),
-                                             scatteri_v3(p->dx[i], p->dy[i], p->dz[i]), p->length[i]);
+            depth[i] += scatteri_field_depth(&medium->fields[f], scatteri_segment_of(p, i));
 }
 
 static void scatteri_add_shadows(scatteri_shadows *s, int count, const scatteri_points *p, float *depth)
@@ -2389,7 +2478,7 @@ static void scatteri_order_axis(scatteri_axis *axis, int n, float low, float cel
 {
     const float at = scatteri_clamp((s - low) / cell - 0.5f, -1.0f, (float)n);
     int below, above, i;
-    above = directional ? (w >= 0.0f ? 0 : n) : (int)ceil((double)at);
+    above = directional ? (w >= 0.0f ? 0 : n) : scatteri_clamp_int((int)ceil((double)at), 0, n);
     below = above - 1;
     axis->nearest = -1;
     for (i = 0; i < n; i++) {
@@ -2517,11 +2606,13 @@ static float scatteri_short(const scatter_depth *d, const scatteri_cell_view *c)
     return mean * rest + 0.5f * length * (density + scatteri_injected_at(d, c->at));
 }
 
-static void scatteri_sweep(scatter_depth *d)
+static void scatteri_sweep(void *data, int task)
 {
+    scatter_depth *d = (scatter_depth *)data;
     scatteri_axis axes[3];
     const scatter_source *s = &d->source;
     int i, j, k;
+    (void)task; /* there is one: each cell needs those before it */
     scatteri_order_axis(&axes[0], d->nx, d->box.min.x, d->cell.x, s->position.x, s->directional, s->direction.x);
     scatteri_order_axis(&axes[1], d->ny, d->box.min.y, d->cell.y, s->position.y, s->directional, s->direction.y);
     scatteri_order_axis(&axes[2], d->nz, d->box.min.z, d->cell.z, s->position.z, s->directional, s->direction.z);
@@ -2591,20 +2682,18 @@ static void scatteri_polar_columns(scatter_depth *d)
                                scatteri_clamp(s.y, d->box.min.y, d->box.max.y),
                                scatteri_clamp(s.z, d->box.min.z, d->box.max.z)};
     scatter_vec3 w = scatteri_unit_or_zero(scatteri_sub(middle, s));
-    float cosine = 1.0f, high_r = 0.0f, spread = 1.0f;
+    float tangent = 0.0f, high_r = 0.0f, spread = 1.0f;
     int i;
     w = scatteri_dot(w, w) > 0.5f ? w : scatteri_v3(0.0f, 0.0f, 1.0f);
     scatteri_polar_frame(d, w);
     for (i = 0; i < 8; i++) {
         const scatter_vec3 to = scatteri_sub(scatteri_corner(d->box, i), s);
-        const float r = scatteri_length(to);
-        high_r = scatteri_max(high_r, r);
-        cosine = scatteri_min(cosine, r > 0.0f ? scatteri_dot(to, w) / r : -1.0f);
+        const float along = scatteri_dot(to, w), off = scatteri_length(scatteri_sub(to, scatteri_scale(w, along)));
+        high_r = scatteri_max(high_r, scatteri_length(to));
+        tangent = scatteri_max(tangent, along > 0.0f ? off / along : SCATTERI_FAR);
     }
-    if (!scatteri_inside(d->box, s) && cosine > 0.05f) {
-        const float sine = (float)sqrt(1.0 - (double)cosine * (double)cosine);
-        spread = scatteri_min(1.001f * sine / (sine + cosine) + 1e-6f, 1.0f);
-    }
+    if (!scatteri_inside(d->box, s) && tangent < 20.0f)
+        spread = scatteri_min(1.001f * tangent / (1.0f + tangent), 1.0f);
     d->low_u = d->low_v = -spread;
     d->low_r = scatteri_length(scatteri_sub(near, s));
     scatteri_polar_steps(d, spread, spread, high_r);
@@ -2847,8 +2936,8 @@ SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_po
         const scatter_vec3 q = scatteri_v3(u.x * x + u.y * y + u.z * z, v.x * x + v.y * y + v.z * z,
                                            w.x * x + w.y * y + w.z * z);
         const scatteri_vec2 e = scatteri_oct_encode(q);
-        const float a = e.x + parallel * (q.x - e.x), b = e.y + parallel * (q.y - e.y);
-        const float away = scatteri_min(p->distance[first + l], 1e18f), r = scatteri_min(away + parallel * (q.z - away), last);
+        const float a = scatteri_choose(0.5f, parallel, q.x, e.x), b = scatteri_choose(0.5f, parallel, q.y, e.y);
+        const float r = scatteri_min(scatteri_choose(0.5f, parallel, q.z, p->distance[first + l]), last);
         const float gu = scatteri_clamp((a - d->low_u) * iu, 0.0f, (float)(nu - 1));
         const float gv = scatteri_clamp((b - d->low_v) * iv, 0.0f, (float)(nv - 1));
         const float gr = scatteri_clamp((r - d->low_r) * ir, 0.0f, (float)(nr - 1));
@@ -2857,7 +2946,7 @@ SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_po
         fu[l] = gu - (float)cu;
         fv[l] = gv - (float)cv;
         fr[l] = gr - (float)cr;
-        factor[l] = r + parallel * (1.0f - r);
+        factor[l] = scatteri_choose(0.5f, parallel, 1.0f, r);
     }
     for (l = 0; l < SCATTERI_LANES; l++)
         depth[first + l] += factor[l] * scatteri_gather8(d->values, base[l], nu, nu * nv, fu[l], fv[l], fr[l]);
@@ -2965,7 +3054,7 @@ static void scatteri_shape(scatter_depth *d, int n)
         d->nx = d->ny = n;
 }
 
-static void scatteri_fill(scatter_depth *d)
+static scatter_result scatteri_fill(const scatteri_stage *stage, scatter_depth *d)
 {
     switch (d->method) {
     case SCATTER_DEPTH_POLAR:
@@ -2973,20 +3062,20 @@ static void scatteri_fill(scatter_depth *d)
             scatteri_parallel_columns(d);
         else
             scatteri_polar_columns(d);
-        scatteri_parallel(&d->host, d->ny, scatteri_fill_column_row, d);
-        break;
-    case SCATTER_DEPTH_CLOSED_VOLUME: scatteri_parallel(&d->host, d->nz, scatteri_closed_slice, d); break;
-    case SCATTER_DEPTH_MARCH: scatteri_parallel(&d->host, d->nz, scatteri_march_slice, d); break;
+        return scatteri_parallel(stage, d->ny, scatteri_fill_column_row, d);
+    case SCATTER_DEPTH_CLOSED_VOLUME: return scatteri_parallel(stage, d->nz, scatteri_closed_slice, d);
+    case SCATTER_DEPTH_MARCH: return scatteri_parallel(stage, d->nz, scatteri_march_slice, d);
     case SCATTER_DEPTH_EQ6:
     case SCATTER_DEPTH_UPWIND:
-    case SCATTER_DEPTH_SHORT: scatteri_sweep(d); break;
+    case SCATTER_DEPTH_SHORT: return scatteri_parallel(stage, 1, scatteri_sweep, d);
     case SCATTER_DEPTH_AUTO:
     case SCATTER_DEPTH_CLOSED: break;
     }
+    return SCATTER_OK;
 }
 
 /* d->medium, source, method and (where it is read) injected are set. */
-static scatter_result scatteri_build_depth(scatter_depth *d, int n)
+static scatter_result scatteri_build_depth(const scatteri_stage *stage, scatter_depth *d, int n)
 {
     scatter_result result;
     size_t bytes;
@@ -3003,14 +3092,14 @@ static scatter_result scatteri_build_depth(scatter_depth *d, int n)
     d->box = d->medium->local;
     d->cell = scatteri_v3((d->box.max.x - d->box.min.x) / (float)n, (d->box.max.y - d->box.min.y) / (float)n,
                           (d->box.max.z - d->box.min.z) / (float)n);
-    scatteri_fill(d);
-    return SCATTER_OK;
+    return scatteri_fill(stage, d);
 }
 
 /* The medium's local terms in n^3 cells of its local box, as a field. */
-static scatter_result scatteri_build_injected(const scatter_host *host, const scatteri_medium *medium, int n,
+static scatter_result scatteri_build_injected(const scatteri_stage *stage, const scatteri_medium *medium, int n,
                                               scatteri_buffer *memory, scatteri_field *field)
 {
+    const scatter_host *host = stage->host;
     const size_t values = scatteri_bytes((size_t)n, (size_t)n, (size_t)n, sizeof(float));
     scatter_volume volume;
     scatter_grid grid;
@@ -3028,17 +3117,19 @@ static scatter_result scatteri_build_injected(const scatter_host *host, const sc
     volume.values = (float *)memory->data;
     field->grid.density = volume.values;
     field->bricks = (unsigned char *)memory->data + values;
-    scatteri_inject(host, &medium->desc, &volume, 0);
+    result = scatteri_inject(stage, &medium->desc, &volume, 0);
     scatteri_mark_bricks(field);
-    return SCATTER_OK;
+    return result;
 }
 
 /* Local depth at 16 times the same point. */
 static float scatteri_depth_at_point(const scatter_depth *d, const scatteri_points *p)
 {
     float depth[SCATTERI_LANES];
-    if (d->method == SCATTER_DEPTH_CLOSED)
-        return scatteri_local_depth(&d->medium->desc, p->ref, scatteri_v3(p->dx[0], p->dy[0], p->dz[0]), p->length[0]);
+    if (d->method == SCATTER_DEPTH_CLOSED) {
+        const scatteri_segment s = scatteri_segment_of(p, 0);
+        return scatteri_local_depth(&d->medium->desc, &s);
+    }
     memset(depth, 0, sizeof depth);
     scatteri_read_depth(d, SCATTERI_LANES, p, depth);
     return depth[0];
@@ -3297,9 +3388,9 @@ static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth
    shadows), the pieces are cut into panels as the medium needs, a panel takes `nodes` nodes. Each ray makes its own
    list of panels; then panel p of all 16 rays is evaluated at once. */
 
-#define SCATTERI_PANEL 14.0f /* widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel */
+#define SCATTERI_PANEL 12.0f /* widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel */
 
-enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 24, SCATTERI_BISECTIONS = 16, SCATTERI_PANELS = 64 };
+enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 64, SCATTERI_BISECTIONS = 16, SCATTERI_PANELS = 64 };
 
 /* Lists of panels of 16 rays. */
 typedef struct scatteri_panels {
@@ -3324,7 +3415,7 @@ typedef struct scatteri_eye {
     float features[SCATTERI_LANES]; /* most features a metre, see "panels" */
     int samples;                  /* cells of the profile: voxel depth along the rays */
     float profile0[SCATTERI_LANES], profile1[SCATTERI_LANES], step[SCATTERI_LANES], voxel[SCATTERI_LANES];
-    float profile[SCATTERI_PROFILE + 1][SCATTERI_LANES];
+    float profile[SCATTERI_PROFILE + 2][SCATTERI_LANES];
     scatteri_pass pass;
     scatteri_panels panels;
     scatteri_nodes nodes;
@@ -3450,11 +3541,14 @@ static void scatteri_take_profile(scatteri_eye *eye)
         if (!scatteri_extend_profile(eye, i))
             break;
     eye->samples = i < samples ? i + 1 : samples;
-    for (l = 0; l < SCATTERI_LANES; l++)
+    for (l = 0; l < SCATTERI_LANES; l++) {
         eye->profile1[l] = eye->profile0[l] + (float)eye->samples * eye->step[l];
+        eye->profile[eye->samples + 1][l] = eye->profile[eye->samples][l];
+    }
 }
 
-/* Adds the profile's density and depth at points. */
+/* Adds the profile's density and depth at points: density linear between the middles of its cells, depth between
+   their ends. */
 SCATTERI_HOT static void scatteri_add_profile(const scatteri_eye *eye, int count, const float *SCATTERI_RESTRICT t,
                                               float *SCATTERI_RESTRICT density, float *SCATTERI_RESTRICT depth)
 {
@@ -3464,12 +3558,14 @@ SCATTERI_HOT static void scatteri_add_profile(const scatteri_eye *eye, int count
     for (first = 0; first < count; first += SCATTERI_LANES)
         for (l = 0; l < SCATTERI_LANES; l++) {
             const float step = scatteri_max(eye->step[l], 1e-30f), at = (t[first + l] - eye->profile0[l]) / step;
-            const float g = scatteri_clamp(at, 0.0f, top);
-            const int i = (int)scatteri_min(g, top - 1.0f);
-            const float a = profile[i * SCATTERI_LANES + l], b = profile[(i + 1) * SCATTERI_LANES + l];
+            const float g = scatteri_clamp(at, 0.0f, top), h = scatteri_clamp(g - 0.5f, 0.0f, top - 1.0f);
+            const int i = (int)scatteri_min(g, top - 1.0f), j = (int)scatteri_min(h, scatteri_max(top - 2.0f, 0.0f));
+            const float *p = profile + l, low = p[i * SCATTERI_LANES], high = p[(i + 1) * SCATTERI_LANES];
+            const float c0 = p[(j + 1) * SCATTERI_LANES] - p[j * SCATTERI_LANES];
+            const float c1 = p[(j + 2) * SCATTERI_LANES] - p[(j + 1) * SCATTERI_LANES];
             const float inside = (float)((at >= 0.0f) & (at <= top));
-            density[first + l] += inside * (b - a) / step;
-            depth[first + l] += a + (g - (float)i) * (b - a);
+            density[first + l] += inside * scatteri_lerp(c0, c1, h - (float)j) / step;
+            depth[first + l] += scatteri_lerp(low, high, g - (float)i);
         }
 }
 
@@ -3807,14 +3903,15 @@ static float scatteri_shadow_edge(const scatteri_eye *eye, int l, float a, float
     return 0.5f * (a + b);
 }
 
-/* The lit parts of a piece, found by probes and bisection. */
+/* The lit parts of a piece, found by probes and bisection. Probes gather at a local light, or at the eye. */
 static void scatteri_add_lit(scatteri_eye *eye, int l, float ta, float tb)
 {
     const float ua = scatteri_to_u(&eye->pass.map, l, ta), ub = scatteri_to_u(&eye->pass.map, l, tb);
     float start = ta, before = ta;
     int probe, lit = 0, now;
     for (probe = 0; probe < SCATTERI_PROBES; probe++) {
-        const float at = ((float)probe + 0.5f) / (float)SCATTERI_PROBES;
+        const float even = ((float)probe + 0.5f) / (float)SCATTERI_PROBES;
+        const float at = eye->pass.map.local ? even : even * even;
         const float t = scatteri_to_t(&eye->pass.map, l, ua + at * (ub - ua));
         now = scatteri_lit_at(eye, l, t) != 0;
         if (probe == 0) {
@@ -4021,7 +4118,7 @@ static void scatteri_cut_to_medium(const scatteri_medium *m, scatteri_rays *rays
     float t0 = 0.0f, t1 = rays->t1[l];
     int some = scatteri_bounded(&m->desc, origin, direction, &t0, &t1);
     if (some && m->has_analytic)
-        t1 = scatteri_min(t1, scatteri_max(scatteri_horizon(m, origin, direction), t0));
+        t1 = scatteri_min(t1, t0 + scatteri_horizon(m, scatteri_along(origin, direction, t0), direction));
     else if (some)
         some = m->has_local && scatteri_clip(m->local, origin, direction, &t0, &t1);
     rays->t0[l] = some ? t0 : 0.0f;
@@ -4175,7 +4272,7 @@ static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surfa
 
 /* ------------------------------------------------------------------------------------------- >>image */
 
-enum { SCATTERI_SIDE = 4, SCATTERI_TILE = 16, SCATTERI_CHUNKS = 50 };
+enum { SCATTERI_SIDE = 4, SCATTERI_TILE = 16 };
 
 typedef struct scatteri_picture {
     const scatter_context *context;
@@ -4183,7 +4280,6 @@ typedef struct scatteri_picture {
     scatter_image image;
     int tile_x, tile_y; /* corner of the first tile */
     int across;         /* tiles in a row */
-    int first;          /* tile that task 0 renders */
 } scatteri_picture;
 
 /* Unit vector of a vector of any length but 0. */
@@ -4285,9 +4381,8 @@ static void scatteri_render_packet(const scatteri_picture *job, int x, int y, sc
 static void scatteri_render_tile(void *data, int task)
 {
     const scatteri_picture *job = (const scatteri_picture *)data;
-    const int tile = job->first + task;
-    const int x0 = job->tile_x + tile % job->across * SCATTERI_TILE;
-    const int y0 = job->tile_y + tile / job->across * SCATTERI_TILE;
+    const int x0 = job->tile_x + task % job->across * SCATTERI_TILE;
+    const int y0 = job->tile_y + task / job->across * SCATTERI_TILE;
     scatteri_eye eye;
     int x, y;
     for (y = y0; y < job->image.y1 && y < y0 + SCATTERI_TILE; y += SCATTERI_SIDE)
@@ -4296,26 +4391,15 @@ static void scatteri_render_tile(void *data, int task)
                 scatteri_render_packet(job, x, y, &eye);
 }
 
-/* All tiles; in chunks, so that progress can be told and the host can cancel, if it asked for that. */
 static scatter_result scatteri_render_tiles(scatteri_picture *job)
 {
-    const scatter_host *host = &job->context->host;
+    const scatteri_stage stage = {&job->context->host, 0.0f, 1.0f};
     const int left = job->image.x0 / SCATTERI_TILE, top = job->image.y0 / SCATTERI_TILE;
     const int wide = (job->image.x1 - 1) / SCATTERI_TILE + 1 - left, high = (job->image.y1 - 1) / SCATTERI_TILE + 1 - top;
-    const int tiles = wide * high;
-    const int chunk = host->progress != NULL ? (tiles - 1) / SCATTERI_CHUNKS + 1 : tiles;
     job->tile_x = left * SCATTERI_TILE;
     job->tile_y = top * SCATTERI_TILE;
     job->across = wide;
-    for (job->first = 0; job->first < tiles; job->first += chunk) {
-        const int count = tiles - job->first < chunk ? tiles - job->first : chunk;
-        if (host->progress != NULL && host->progress(host->user, (float)job->first / (float)tiles) != 0)
-            return scatteri_fail(host, SCATTER_CANCELLED, "host.progress cancelled the image");
-        scatteri_parallel(host, count, scatteri_render_tile, job);
-    }
-    if (host->progress != NULL)
-        (void)host->progress(host->user, 1.0f);
-    return SCATTER_OK;
+    return scatteri_parallel(&stage, wide * high, scatteri_render_tile, job);
 }
 
 SCATTER_API float scatter_log_average(const float *rgb, size_t pixels)
@@ -4471,11 +4555,16 @@ static int scatteri_check_box(const scatteri_where *at, const char *member, scat
     return b.max.z > b.min.z ? 1 : scatteri_refuse(at, member, b.max.z - b.min.z, "larger in max.z than in min.z");
 }
 
-static int scatteri_check_array(const scatteri_where *at, const char *member, const void *array, size_t count)
+static scatter_result scatteri_check_array(const scatteri_where *at, const char *member, const void *array,
+                                           const char *number, size_t count)
 {
-    if (count > 0 && array == NULL)
-        return scatteri_refuse(at, member, 0.0f, "an array: its count is not 0");
-    return count <= (size_t)INT_MAX / 64 ? 1 : scatteri_refuse(at, member, (float)count, "of fewer entries");
+    if (count > (size_t)INT_MAX / 64)
+        return scatteri_fail(at->host, SCATTER_TOO_LARGE, "%s%s is %.0f, it must be smaller", at->array, number,
+                             (double)count);
+    if (count == 0 || array != NULL)
+        return SCATTER_OK;
+    scatteri_refuse(at, member, 0.0f, "an array: its count is not 0");
+    return SCATTER_BAD_ARGUMENT;
 }
 
 /* Voxels: every value finite and not negative. */
@@ -4491,8 +4580,8 @@ static scatter_result scatteri_check_grid(const scatteri_where *at, const scatte
     if (count == 0)
         return scatteri_fail(at->host, SCATTER_TOO_LARGE, "%s[%ld].nx * ny * nz is more than an int counts", at->array,
                              at->index);
-    if (!scatteri_check_array(at, ".density", g->density, 1) || !scatteri_check_box(at, ".box", g->box) ||
-        !scatteri_check_amount(at, ".scale", g->scale))
+    if (scatteri_check_array(at, ".density", g->density, "", 1) != SCATTER_OK ||
+        !scatteri_check_box(at, ".box", g->box) || !scatteri_check_amount(at, ".scale", g->scale))
         return SCATTER_BAD_ARGUMENT;
     for (i = 0; i < count; i++)
         if (!(g->density[i] >= 0.0f && g->density[i] <= 1e18f)) {
@@ -4539,7 +4628,7 @@ static scatter_result scatteri_check_medium(const scatter_host *host, const scat
 {
     scatteri_where at = {NULL, "medium", -1};
     scatteri_where grid = {NULL, "medium.grids", 0};
-    scatter_result result = SCATTER_OK;
+    scatter_result result;
     size_t i;
     at.host = grid.host = host;
     if (m == NULL)
@@ -4548,11 +4637,15 @@ static scatter_result scatteri_check_medium(const scatter_host *host, const scat
         !scatteri_check_color(&at, ".albedo", m->albedo, 1.0f, "0..1") ||
         !scatteri_check_color(&at, ".emission", m->emission, 1e18f, "0..1e18") ||
         !scatteri_check_phase(&at, &m->phase) || (m->bounded && !scatteri_check_box(&at, ".bounds", m->bounds)) ||
-        !scatteri_check_amount(&at, ".constant", m->constant) ||
-        !scatteri_check_array(&at, ".heights", m->heights, m->height_count) ||
-        !scatteri_check_array(&at, ".gaussians", m->gaussians, m->gaussian_count) ||
-        !scatteri_check_array(&at, ".grids", m->grids, m->grid_count) || !scatteri_check_terms(host, m))
+        !scatteri_check_amount(&at, ".constant", m->constant))
         return SCATTER_BAD_ARGUMENT;
+    result = scatteri_check_array(&at, ".heights", m->heights, ".height_count", m->height_count);
+    if (result == SCATTER_OK)
+        result = scatteri_check_array(&at, ".gaussians", m->gaussians, ".gaussian_count", m->gaussian_count);
+    if (result == SCATTER_OK)
+        result = scatteri_check_array(&at, ".grids", m->grids, ".grid_count", m->grid_count);
+    if (result == SCATTER_OK && !scatteri_check_terms(host, m))
+        result = SCATTER_BAD_ARGUMENT;
     for (i = 0; i < m->grid_count && result == SCATTER_OK; i++) {
         grid.index = (long)i;
         result = scatteri_check_grid(&grid, &m->grids[i]);
@@ -4602,9 +4695,11 @@ static scatter_result scatteri_check_scene(const scatter_host *host, const scatt
     result = scatteri_check_medium(host, &scene->medium);
     if (result != SCATTER_OK)
         return result;
-    if (!scatteri_check_color(&at, ".background", scene->background, FLT_MAX, "finite and not negative") ||
-        !scatteri_check_array(&at, ".lights", scene->lights, scene->light_count))
+    if (!scatteri_check_color(&at, ".background", scene->background, FLT_MAX, "finite and not negative"))
         return SCATTER_BAD_ARGUMENT;
+    result = scatteri_check_array(&at, ".lights", scene->lights, ".light_count", scene->light_count);
+    if (result != SCATTER_OK)
+        return result;
     at.array = "lights";
     for (i = 0; i < scene->light_count; i++) {
         at.index = (long)i;
@@ -4612,6 +4707,15 @@ static scatter_result scatteri_check_scene(const scatter_host *host, const scatt
             return SCATTER_BAD_ARGUMENT;
     }
     return SCATTER_OK;
+}
+
+static int scatteri_check_hit(const scatteri_where *at, const scatter_surface *hit)
+{
+    return scatteri_check_amount(at, ".distance", hit->distance) &&
+           scatteri_check_direction(at, ".normal", hit->normal) &&
+           scatteri_check_color(at, ".albedo", hit->albedo, 1.0f, "0..1") &&
+           scatteri_check_color(at, ".specular", hit->specular, 1.0f, "0..1") &&
+           scatteri_check(at, ".shininess", hit->shininess, 0.0f, 1e6f, "0..1e6");
 }
 
 static scatter_result scatteri_check_volume(const scatter_host *host, const scatter_volume *v)
@@ -4672,12 +4776,12 @@ SCATTER_API scatter_result scatter_inject(const scatter_host *host, const scatte
                                           const scatter_volume *volume)
 {
     const scatter_host h = scatteri_host_or_default(host);
+    scatteri_stage stage = {NULL, 0.0f, 1.0f};
     scatter_result result = scatteri_check_medium(&h, medium);
     if (result == SCATTER_OK)
         result = scatteri_check_volume(&h, volume);
-    if (result == SCATTER_OK)
-        scatteri_inject(&h, medium, volume, 1);
-    return result;
+    stage.host = &h;
+    return result == SCATTER_OK ? scatteri_inject(&stage, medium, volume, 1) : result;
 }
 
 static scatter_quality scatteri_resolve(const scatter_quality *quality, const scatter_medium *medium)
@@ -4749,10 +4853,12 @@ static scatter_result scatteri_check_source(const scatter_host *host, const scat
 SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scatter_medium *medium,
                                                 const scatter_source *source, const scatter_quality *quality)
 {
+    scatteri_stage stage = {NULL, 0.0f, 1.0f};
     scatter_result result;
     scatter_quality q;
     if (depth == NULL)
         return SCATTER_BAD_ARGUMENT;
+    stage.host = &depth->host;
     depth->ready = 0;
     result = scatteri_check_medium(&depth->host, medium);
     if (result == SCATTER_OK)
@@ -4769,10 +4875,13 @@ SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scat
     depth->method = q.depth;
     if (scatteri_reads_injected(q.depth) && depth->own.has_local) {
         depth->injected = &depth->own_injected;
-        result = scatteri_build_injected(&depth->host, &depth->own, q.grid, &depth->own_memory, &depth->own_injected);
+        stage.high = 0.5f;
+        result = scatteri_build_injected(&stage, &depth->own, q.grid, &depth->own_memory, &depth->own_injected);
+        stage.low = stage.high;
+        stage.high = 1.0f;
     }
     if (result == SCATTER_OK)
-        result = scatteri_build_depth(depth, q.grid);
+        result = scatteri_build_depth(&stage, depth, q.grid);
     depth->ready = result == SCATTER_OK;
     return result;
 }
@@ -4842,7 +4951,7 @@ static int scatteri_same_source(const scatter_source *a, const scatter_source *b
 
 /* Takes over one light; its depth is propagated again only if the light moved or `anew`. */
 static scatter_result scatteri_update_light(scatter_context *c, scatteri_light *light, const scatter_light *desc,
-                                            int anew)
+                                            const scatteri_stage *stage, int anew)
 {
     const scatter_source source = scatteri_source_of(desc);
     scatter_depth *d = &light->depth;
@@ -4862,21 +4971,32 @@ static scatter_result scatteri_update_light(scatter_context *c, scatteri_light *
     d->injected = &c->injected;
     d->method = c->quality.depth;
     d->source = light->source = source;
-    result = scatteri_build_depth(d, c->quality.grid);
+    result = scatteri_build_depth(stage, d, c->quality.grid);
     d->ready = result == SCATTER_OK;
     c->stats.propagations += d->ready && c->medium.has_local && d->method != SCATTER_DEPTH_CLOSED;
     return result;
 }
 
+/* Part `part` of an update of so many lights: the medium, then each light. */
+static scatteri_stage scatteri_stage_of(const scatter_context *c, size_t lights, int part)
+{
+    scatteri_stage stage;
+    stage.host = &c->host;
+    stage.low = (float)part / (float)(lights + 1);
+    stage.high = (float)(part + 1) / (float)(lights + 1);
+    return stage;
+}
+
 static scatter_result scatteri_update_medium(scatter_context *c, const scatter_scene *scene)
 {
+    const scatteri_stage stage = scatteri_stage_of(c, scene->light_count, 0);
     scatter_result result = scatteri_prepare(&c->host, &c->medium, &scene->medium);
     c->has_injected = c->medium.has_local && (c->quality.density == SCATTER_DENSITY_VOLUME ||
                                               scatteri_reads_injected(c->quality.depth));
     if (result != SCATTER_OK || !c->has_injected)
         return result;
     c->stats.injections++;
-    return scatteri_build_injected(&c->host, &c->medium, c->quality.grid, &c->injected_memory, &c->injected);
+    return scatteri_build_injected(&stage, &c->medium, c->quality.grid, &c->injected_memory, &c->injected);
 }
 
 static void scatteri_choose_fields(scatter_context *c)
@@ -4906,8 +5026,10 @@ static scatter_result scatteri_update_lights(scatter_context *c, const scatter_s
     scatter_result result = scatteri_reserve_lights(c, (int)scene->light_count);
     int i;
     c->light_count = result == SCATTER_OK ? (int)scene->light_count : 0;
-    for (i = 0; i < c->light_count && result == SCATTER_OK; i++)
-        result = scatteri_update_light(c, &c->lights[i], &scene->lights[i], anew);
+    for (i = 0; i < c->light_count && result == SCATTER_OK; i++) {
+        const scatteri_stage stage = scatteri_stage_of(c, scene->light_count, i + 1);
+        result = scatteri_update_light(c, &c->lights[i], &scene->lights[i], &stage, anew);
+    }
     return result;
 }
 
@@ -4988,7 +5110,7 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
         !scatteri_check_direction(&at, ".direction", ray->direction))
         return SCATTER_BAD_ARGUMENT;
     at.array = "hit";
-    if (hit != NULL && !scatteri_check_amount(&at, ".distance", hit->distance))
+    if (hit != NULL && !scatteri_check_hit(&at, hit))
         return SCATTER_BAD_ARGUMENT;
     direction = scatteri_unit(ray->direction);
     if (hit == NULL && c->scene.surface != NULL && c->scene.surface(c->scene.user, ray->origin, direction, &found))

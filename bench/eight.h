@@ -55,24 +55,33 @@ static void eight_close(eight_bench *b)
     free(b->lattice);
 }
 
-/* Both ways to take every fourth pixel must take the same ones: a small image through the view of
-   the reference, and pixels picked from the large image. */
-static void eight_check_lattice(eight_bench *b)
+/* How far a small image through `view` is from the pixels that were picked from the large image. */
+static double eight_lattice_error(const eight_bench *b, const scatter_view *view)
 {
     const size_t values = (size_t)3 * EIGHT_LATTICE * EIGHT_LATTICE;
     float *direct = floats(values);
+    scatter_image image = image_of(direct, EIGHT_LATTICE, EIGHT_LATTICE);
+    setting s = setting_of(SCATTER_DEPTH_AUTO, SCATTER_RAY_QUADRATURE, 64, 64);
+    render_timed(&s, &b->file[0].scene, view, &image);
+    double error = relative_rmse(b->lattice, direct, values);
+    free(direct);
+    return error;
+}
+
+/* Pixels and reference must belong to the same rays: the view of the reference gives the picked pixels up
+   to what 64 nodes leave open, and the view half a pixel beside it does not. */
+static void eight_check_lattice(eight_bench *b)
+{
     scatter_view view = view_lattice(b->view[0], EIGHT_SIZE, EIGHT_LATTICE);
     scatter_image large = image_of(b->rgb, EIGHT_SIZE, EIGHT_SIZE);
-    scatter_image small = image_of(direct, EIGHT_LATTICE, EIGHT_LATTICE);
-    setting s = setting_of(SCATTER_DEPTH_AUTO, SCATTER_RAY_QUADRATURE, 16, 64);
+    setting s = setting_of(SCATTER_DEPTH_AUTO, SCATTER_RAY_QUADRATURE, 64, 64);
     render_timed(&s, &b->file[0].scene, &b->view[0], &large);
-    render_timed(&s, &b->file[0].scene, &view, &small);
     image_lattice(b->rgb, EIGHT_SIZE, EIGHT_LATTICE, b->lattice);
-    if (!(relative_rmse(b->lattice, direct, values) < 1e-5)) { /* rounding of the rays */
-        fprintf(stderr, "bench: pixels and reference do not match\n");
-        exit(1);
-    }
-    free(direct);
+    double right = eight_lattice_error(b, &view), wrong = eight_lattice_error(b, &b->view[0]);
+    if (right < 2e-4 && wrong > 1e-3)
+        return;
+    fprintf(stderr, "bench: pixels and reference do not match: %g, %g\n", right, wrong);
+    exit(1);
 }
 
 static void eight_round(eight_bench *b)

@@ -4,12 +4,12 @@
 # A step is a function step_NAME, here or in compile.sh, with its title in title_NAME. It counts one
 # result for each check, and one for each test that a unit test program reports. Planted faults go
 # through `refuse`: the command must fail, and for the reason that it is given.
-# shellcheck disable=SC2030,SC2031,SC2034,SC2048,SC2086
+# shellcheck disable=SC2013,SC2030,SC2031,SC2034,SC2048,SC2086
 set -u
 cd "$(dirname "$0")/.." || exit 1
 unset MAKEFLAGS MFLAGS MAKELEVEL
 export LC_ALL=C
-STEPS="counting unit_gcc unit_clang sanitize m32 compile symbols names tcc mingw glsl readme"
+STEPS="counting unit_gcc unit_clang sanitize m32 scenes compile symbols names tcc mingw glsl readme"
 STEPS="$STEPS install fuzz"
 JOBS=$(nproc)
 OUT=build/test
@@ -134,7 +134,54 @@ step_sanitize() {
     refuse "sanitizer: integer overflow" "signed integer overflow" "$PLANTED/overflow"
 }
 
-# The programs above count on what a log says, so that is tested too.
+# --------------------------------------------------------------------------------------------- scenes
+
+has_data() {
+    local file
+    for file in $(sed -n 's/^ *grid  *\([^ ]*\).*/\1/p' "$1"); do
+        [ -e "$(dirname "$1")/$file" ] || return 1
+    done
+}
+
+# scatter-render fails where a pixel is not finite.
+render() { "$OUT/gcc/scatter-render" "$1" --size 48x36 --out "$OUT/scene.$BASHPID.pfm"; }
+
+# agrees SCENE REFERENCE: within the 0.5 % that 16 nodes promise for smooth scenes.
+agrees() {
+    local error
+    error=$("$OUT/gcc/scatter-render" "$1" --size 48x36 --reference "$2" --json |
+        sed -n 's/.*"rel_rmse": *\([0-9.e+-]*\),.*/\1/p')
+    echo "relative error: $error, above 0.005"
+    awk -v e="$error" 'BEGIN { exit !(e != "" && e + 0 <= 0.005) }'
+}
+
+refer() {
+    "$OUT/gcc/scatter-reference" "$1" --size 48x36 --threads "$JOBS" --out "$2" && agrees "$1" "$2"
+}
+
+title_scenes="the scenes: finite; the smooth ones as the reference has them"
+step_scenes() {
+    local scene name
+    make -j"$JOBS" BUILD=$OUT/gcc CC=gcc all $OUT/gcc/scatter-reference >$OUT/programs.log 2>&1
+    for scene in examples/scenes/*.scatter; do
+        name=$(basename "$scene" .scatter)
+        if ! has_data "$scene"; then
+            skip "$name: no data"
+            continue
+        fi
+        later check "$name" render "$scene"
+        # The reference takes minutes for a thousand Gaussians.
+        if grep -qi '# smooth' "$scene" && [ "$(grep -c '^gaussian' "$scene")" -lt 100 ]; then
+            check "$name, reference" refer "$scene" $OUT/$name.pfm
+        fi
+    done
+    gather
+    refuse "another scene" above agrees examples/scenes/two_lights.scatter $OUT/one_gaussian.pfm
+}
+
+# -------------------------------------------------------------------------------------- self-test
+
+# The steps above count on what a log says, so that is tested too.
 title_counting="a crash, an early exit and an empty run count as failures"
 step_counting() {
     local log=$PLANTED/x.log

@@ -594,7 +594,7 @@ static void test_phase_moments(void **state) {
             one += weight * scatter_phase_value(&phase, (float)cosine);
             mean += weight * cosine * scatter_phase_value(&phase, (float)cosine);
         }
-        /* cosθ is rounded to float: 6e-8 against 1-g = 0.05 is 4e-6 of p at the peak, both signs */
+        /* cos_theta is rounded to float: 6e-8 against 1-g = 0.05 is 4e-6 of p at the peak, both signs */
         assert_at_most(fabs(one - 1), 1e-5);
         assert_at_most(fabs(mean - g), 1e-5);
     }

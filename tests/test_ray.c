@@ -659,7 +659,7 @@ static double scattered_power(const scatter_context *context) {
    times the mass c (sqrt(pi)/a)^3, times the albedo, is what comes out in all directions. */
 static void test_energy(void **state) {
     check_world w;
-    scatter_quality q = nodes(16);
+    scatter_quality q = nodes(64);
     scatter_context *context;
     double removed = 1e-4 * 2 * pow(CHECK_PI, 1.5), found;
     (void)state;
