@@ -3450,11 +3450,10 @@ SCATTERI_FN float scatteri_rate(float a, float sigma, float behind)
     return a * (1.0f + 0.2f * scatteri_log(1.0f + sigma * behind));
 }
 
-/* Where the page's Gaussians reach each ray, and the most features a metre. */
-SCATTERI_HOT static void scatteri_find_hull(scatteri_eye *eye, float sigma)
+/* Widens the hull to where the page's Gaussians reach each ray, and raises the most features a metre. */
+SCATTERI_HOT static void scatteri_widen_hull(scatteri_eye *eye, float sigma)
 {
     const scatteri_page *page = &eye->page;
-    const scatteri_rays *rays = &eye->rays;
     int g, l;
     for (g = 0; g < page->count; g++) {
         const float a = page->a[g], inverse = 1.0f / a, reach = page->reach[g];
@@ -3468,9 +3467,22 @@ SCATTERI_HOT static void scatteri_find_hull(scatteri_eye *eye, float sigma)
             eye->features[l] = scatteri_max(eye->features[l], scatteri_choose(0.0f, half, rate, 0.0f));
         }
     }
+}
+
+/* Gathers the Gaussians on the rays, page after page; the last page stays. */
+static void scatteri_gather_eye(scatteri_eye *eye)
+{
+    const scatteri_medium *m = &eye->context->medium;
+    const scatteri_slabs slabs = scatteri_slabs_of_rays(&eye->rays);
+    int l;
+    eye->page.next = 0;
+    do {
+        scatteri_gather(&m->gaussians, &eye->rays, &slabs, eye->page.next, &eye->page);
+        scatteri_widen_hull(eye, m->sigma_most);
+    } while (eye->page.next < m->gaussians.padded);
     for (l = 0; l < SCATTERI_LANES; l++) {
-        eye->hull0[l] = page->complete ? scatteri_max(eye->hull0[l], rays->t0[l]) : rays->t0[l];
-        eye->hull1[l] = page->complete ? scatteri_min(eye->hull1[l], rays->t1[l]) : rays->t1[l];
+        eye->hull0[l] = scatteri_max(eye->hull0[l], eye->rays.t0[l]);
+        eye->hull1[l] = scatteri_min(eye->hull1[l], eye->rays.t1[l]);
     }
 }
 
@@ -3817,8 +3829,10 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
         const float analytic = scatteri_analytic_rate(eye, l, 0.5f * (bins->low[b] + bins->high[b]));
         bins->rate[b] = scatteri_max(bins->rate[b], scatteri_max(analytic, 1e-30f) * bins->stretch[b]);
     }
-    if (c->exact && eye->page.count > 0)
+    if (eye->page.complete)
         scatteri_rate_gaussians(&eye->page, l, c->medium.sigma_most, bins);
+    for (b = 0; b < SCATTERI_BINS && !eye->page.complete; b++)
+        bins->rate[b] = scatteri_max(bins->rate[b], eye->features[l] * bins->stretch[b]);
     for (b = 0; b < SCATTERI_BINS && eye->pass.map.local; b++)
         bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], 1.0f) : 0.0f;
 }
@@ -3860,7 +3874,7 @@ static void scatteri_add_piece(scatteri_eye *eye, int l, float ta, float tb)
     const float ua = scatteri_to_u(&eye->pass.map, l, ta), ub = scatteri_to_u(&eye->pass.map, l, tb);
     scatteri_bins bins;
     int b = 0, end;
-    if (!cells && !c->medium.has_analytic && eye->page.complete &&
+    if (!cells && !c->medium.has_analytic &&
         scatteri_max(eye->features[l] * (tb - ta), eye->pass.map.local ? ub - ua : 0.0f) <= SCATTERI_PANEL) {
         scatteri_add_panel(eye, l, ua, ub, 0);
         return;
@@ -4024,7 +4038,7 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
     const scatteri_map *map = &eye->pass.map;
     float features[SCATTERI_LANES];
     int l;
-    if (c->medium.has_analytic || eye->samples > 0 || !eye->page.complete ||
+    if (c->medium.has_analytic || eye->samples > 0 ||
         (light != NULL && (light->desc.kind == SCATTER_LIGHT_SPOT || c->scene.visible != NULL)))
         return SCATTERI_FAR;
     for (l = 0; l < SCATTERI_LANES; l++) {
@@ -4129,7 +4143,6 @@ static void scatteri_cut_to_medium(const scatteri_medium *m, scatteri_rays *rays
 static int scatteri_begin_eye(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
-    scatteri_slabs slabs;
     int l, some = 0;
     eye->samples = 0;
     eye->page.count = 0;
@@ -4143,11 +4156,8 @@ static int scatteri_begin_eye(scatteri_eye *eye)
         eye->features[l] = 0.0f;
         some |= eye->rays.t0[l] < eye->rays.t1[l];
     }
-    if (some && c->exact && c->medium.gaussians.count > 0) {
-        slabs = scatteri_slabs_of_rays(&eye->rays);
-        scatteri_gather(&c->medium.gaussians, &eye->rays, &slabs, 0, &eye->page);
-        scatteri_find_hull(eye, c->medium.sigma_most);
-    }
+    if (some && c->exact && c->medium.gaussians.count > 0)
+        scatteri_gather_eye(eye);
     return some;
 }
 

@@ -164,6 +164,7 @@ static void cloud_open(cloud_bench *b, const char *path)
         b->s[i] = setting_of(way->depth, way->ray, way->nodes, way->grid);
         b->s[i].quality.density = way->density;
         b->s[i].threads = i % 2 + 1;
+        b->s[i].on_wall = 1; /* as vdb_render */
     }
 }
 

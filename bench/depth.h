@@ -119,10 +119,10 @@ static double depth_error(const scatter_depth *depth, const scatter_vec3 *x, con
 /* Nanoseconds of one scatter_depth_at. */
 static double depth_read_ns(depth_bench *b, const scatter_depth *depth)
 {
-    double start = now_ms();
+    double start = thread_ms();
     for (int i = 0; i < DEPTH_POINTS; i++)
         b->sum += scatter_depth_at(depth, b->point[i]);
-    return (now_ms() - start) * 1e6 / DEPTH_POINTS;
+    return (thread_ms() - start) * 1e6 / DEPTH_POINTS;
 }
 
 static double depth_timed_update(depth_bench *b, int m, int n)
@@ -131,10 +131,10 @@ static double depth_timed_update(depth_bench *b, int m, int n)
     memset(&quality, 0, sizeof quality);
     quality.depth = depth_methods[m].method;
     quality.grid = n;
-    double start = now_ms();
+    double start = thread_ms();
     must(scatter_depth_update(b->depth[m], &b->medium, &b->source, &quality),
          "scatter_depth_update");
-    return now_ms() - start;
+    return thread_ms() - start;
 }
 
 /* Moves the source, or the medium too, by so little that no error changes and nothing can be
@@ -168,10 +168,10 @@ static void depth_copy(timing *t, int n)
     memset(from, 1, bytes);
     memset(to, 2, bytes);
     for (int i = 0; i < DEPTH_ROUNDS; i++) {
-        double start = now_ms();
+        double start = thread_ms();
         memcpy(to, from, bytes);
         from[i] = to[i + 1]; /* each copy differs, so none can be left out */
-        timing_add(t, now_ms() - start);
+        timing_add(t, thread_ms() - start);
     }
     free(from);
     free(to);

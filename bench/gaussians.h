@@ -100,9 +100,9 @@ static void many_measure(many_bench *b, many_case *c, int round)
     many_fill(b, c);
     if (round == 0)
         c->overlap = many_overlap(b, c);
-    double start = now_ms();
+    double start = thread_ms();
     must(scatter_inject(NULL, &b->scene.medium, &volume), "scatter_inject");
-    timing_add(&c->inject, now_ms() - start);
+    timing_add(&c->inject, thread_ms() - start);
     render_timed(&c->s, &b->scene, &b->view, &image);
 }
 

@@ -14,6 +14,7 @@
 typedef struct setting {
     scatter_quality quality;
     int threads;
+    int on_wall;        /* which clock: on the wall, or the processor time of the one thread */
     int skipped;        /* it would have taken too long */
     double rmse, worst; /* relative RMSE, largest error over the mean of the reference */
     timing setup, rays; /* ms: scatter_update in a fresh context, scatter_render */
@@ -69,12 +70,13 @@ static void render_timed(setting *s, const scatter_scene *scene, const scatter_v
     bench_host books = {0, s->threads};
     scatter_host host = host_of(&books);
     scatter_context *context = NULL;
+    clockid_t id = s->on_wall ? CLOCK_MONOTONIC : CLOCK_THREAD_CPUTIME_ID;
     must(scatter_create(&host, &context), "scatter_create");
-    double start = now_ms();
+    double start = clock_ms(id);
     must(scatter_update(context, scene, &s->quality), "scatter_update");
-    double ready = now_ms();
+    double ready = clock_ms(id);
     must(scatter_render(context, view, image), "scatter_render");
-    timing_add(&s->rays, now_ms() - ready);
+    timing_add(&s->rays, clock_ms(id) - ready);
     timing_add(&s->setup, ready - start);
     scatter_destroy(context);
 }
@@ -155,11 +157,11 @@ static void reference_cached(const scatter_scene *scene, const char *title, uint
         free(kept.rgb);
         return;
     }
-    double start = now_ms();
+    double start = wall_ms();
     fprintf(stderr, "reference of %s, %dx%d ...", title, size, size);
     if (reference_image(scene, view, size, size, rgb, processors()) != 0)
         must(SCATTER_OUT_OF_MEMORY, "reference_image");
-    fprintf(stderr, " %.1f s\n", (now_ms() - start) * 1e-3);
+    fprintf(stderr, " %.1f s\n", (wall_ms() - start) * 1e-3);
     kept.rgb = rgb;
     kept.width = kept.height = size;
     if (file_pfm_write(name, &kept, &error) != 0)

@@ -103,7 +103,7 @@ static int rays_too_slow(const rays_bench *b, int i)
 
 static double rays_round(rays_bench *b, const scene_file *file, const scatter_view *view, int first)
 {
-    double start = now_ms();
+    double start = wall_ms();
     scatter_image image = image_of(b->rgb, b->size, b->size);
     for (int i = 0; i < RAYS_SETTINGS; i++) {
         setting *s = &b->s[i];
@@ -117,7 +117,7 @@ static double rays_round(rays_bench *b, const scene_file *file, const scatter_vi
         if (first)
             setting_compare(s, b->rgb, b->reference, (size_t)(3 * b->size * b->size));
     }
-    return now_ms() - start;
+    return wall_ms() - start;
 }
 
 static void rays_row(report *r, const rays_bench *b, int i, const char *scene)

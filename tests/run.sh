@@ -134,7 +134,7 @@ step_sanitize() {
     refuse "sanitizer: integer overflow" "signed integer overflow" "$PLANTED/overflow"
 }
 
-# --------------------------------------------------------------------------------------------- scenes
+# -------------------------------------------------------------------------------------------- scenes
 
 has_data() {
     local file

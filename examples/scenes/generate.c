@@ -2,11 +2,11 @@
    licence, see LICENSE.
 
        build/scatter-generate 1000  > examples/scenes/cumulus_1000.scatter (committed)
-       build/scatter-generate 27000 > build/scenes/cumulus_27000.scatter     (1 MB, made when needed)
+       build/scatter-generate 27000 > build/scenes/cumulus_27000.scatter    (1 MB, made when needed)
 
    The cloud grows as cumulus does: puffs sit on puffs. Each new one is placed on the surface of an
-   older one, and is smaller. The same count gives the same file on every run: the random numbers are
-   the program's own, and all numbers are rounded to four digits. */
+   older one, and is smaller. The same count gives the same file on every run: the random numbers
+   are the program's own, and all numbers are rounded to four digits. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
