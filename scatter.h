@@ -229,7 +229,7 @@ typedef struct scatter_scene {
 /* How the optical depth between a light and a point is found. Constant and height fog are always in closed
    form; the method is about Gaussians and grids. Errors are measured in docs/accuracy.md. */
 typedef enum scatter_depth_method {
-    SCATTER_DEPTH_AUTO = 0,      /* closed for at most 24 Gaussians and no grid, else polar */
+    SCATTER_DEPTH_AUTO = 0,      /* closed for at most 256 Gaussians and no grid, else polar */
     SCATTER_DEPTH_CLOSED,        /* per query, exact: O(Gaussians) and O(voxels on the segment) */
     SCATTER_DEPTH_CLOSED_VOLUME, /* closed form at n^3 cell centres, trilinear in between */
     SCATTER_DEPTH_EQ6,           /* Giroud and Biri 2012 as printed: the inconsistent baseline */
@@ -258,7 +258,8 @@ typedef struct scatter_quality {
     scatter_density_method density;
     scatter_ray_method ray;
     int nodes; /* quadrature: nodes per panel, 1..256; march: steps per ray, 1..4096; 0: 16 */
-    int grid;  /* n of depth volumes and of the injected density, 2..1024; 0: 64 */
+    int grid;  /* n of depth volumes and of the injected density, 2..1024; 0: 64, up to 128 where the
+                  medium has more voxels than that along an axis or more than 256 Gaussians */
 } scatter_quality;
 
 typedef struct scatter_ray {
@@ -3022,12 +3023,12 @@ static scatter_depth_method scatteri_choose_depth(scatter_depth_method method, c
 {
     if (method != SCATTER_DEPTH_AUTO)
         return method;
-    return medium->gaussian_count <= 24 && medium->grid_count == 0 ? SCATTER_DEPTH_CLOSED : SCATTER_DEPTH_POLAR;
+    return medium->gaussian_count <= 256 && medium->grid_count == 0 ? SCATTER_DEPTH_CLOSED : SCATTER_DEPTH_POLAR;
 }
 
 static int scatteri_choose_grid(int grid, const scatter_medium *medium)
 {
-    int n = 64;
+    int n = medium->gaussian_count > 256 ? 128 : 64;
     size_t i;
     if (grid != 0)
         return grid;
@@ -3411,12 +3412,13 @@ typedef struct scatteri_eye {
     const scatter_context *context;
     scatteri_rays rays;           /* depth counts from rays.t0 */
     scatteri_page page;
-    float hull0[SCATTERI_LANES], hull1[SCATTERI_LANES]; /* Gaussians reach the ray in between; none if 0 > 1 */
+    float hull0[SCATTERI_LANES], hull1[SCATTERI_LANES]; /* Gaussians reach the ray in between */
     float features[SCATTERI_LANES]; /* most features a metre, see "panels" */
     int samples;                  /* cells of the profile: voxel depth along the rays */
     float profile0[SCATTERI_LANES], profile1[SCATTERI_LANES], step[SCATTERI_LANES], voxel[SCATTERI_LANES];
     float profile[SCATTERI_PROFILE + 2][SCATTERI_LANES];
     scatteri_pass pass;
+    scatteri_shadows cast;        /* by the light of the pass, if it cuts the rays and its depth is closed */
     scatteri_panels panels;
     scatteri_nodes nodes;
     scatteri_radiance radiance;
@@ -3474,16 +3476,11 @@ static void scatteri_gather_eye(scatteri_eye *eye)
 {
     const scatteri_medium *m = &eye->context->medium;
     const scatteri_slabs slabs = scatteri_slabs_of_rays(&eye->rays);
-    int l;
     eye->page.next = 0;
     do {
         scatteri_gather(&m->gaussians, &eye->rays, &slabs, eye->page.next, &eye->page);
         scatteri_widen_hull(eye, m->sigma_most);
     } while (eye->page.next < m->gaussians.padded);
-    for (l = 0; l < SCATTERI_LANES; l++) {
-        eye->hull0[l] = scatteri_max(eye->hull0[l], eye->rays.t0[l]);
-        eye->hull1[l] = scatteri_min(eye->hull1[l], eye->rays.t1[l]);
-    }
 }
 
 /* --- profile of voxel density: its running integral along the rays, once for all lights --- */
@@ -3784,6 +3781,37 @@ SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, int 
     }
 }
 
+/* Shadows that Gaussians cast across ray l: their edges are features of the light. h: distance of a centre from the
+   segment between the middle of a bin and the source; slope: how fast it changes along the ray. */
+SCATTERI_HOT static void scatteri_rate_shadows(const scatteri_shadows *cast, const scatteri_rays *rays, int l,
+                                               const scatter_source *source, scatteri_bins *bins)
+{
+    const scatter_vec3 s = scatteri_sub(source->position, rays->ref), w = source->direction;
+    const float sigma = cast->medium->sigma_most, parallel = (float)source->directional;
+    int g, b;
+    for (g = 0; g < cast->count; g++) {
+        const float a = cast->a[g], radius = 3.8f / a, depth = sigma * cast->scale[g];
+        const float rate = depth > 1e-3f ? scatteri_rate(a, sigma, cast->scale[g]) : 0.0f;
+        for (b = 0; b < SCATTERI_BINS; b++) {
+            const float t = 0.5f * (bins->low[b] + bins->high[b]), half = 0.5f * (bins->high[b] - bins->low[b]);
+            const float x = rays->ox[l] + t * rays->dx[l], y = rays->oy[l] + t * rays->dy[l];
+            const float z = rays->oz[l] + t * rays->dz[l], sx = s.x - x, sy = s.y - y, sz = s.z - z;
+            const float r2 = scatteri_max(sx * sx + sy * sy + sz * sz, 1e-30f), inverse = scatteri_rsqrt(r2);
+            const float dx = scatteri_choose(0.5f, parallel, -w.x, sx * inverse);
+            const float dy = scatteri_choose(0.5f, parallel, -w.y, sy * inverse);
+            const float dz = scatteri_choose(0.5f, parallel, -w.z, sz * inverse);
+            const float length = scatteri_choose(0.5f, parallel, SCATTERI_FAR, r2 * inverse);
+            const float gx = cast->x[g] - x, gy = cast->y[g] - y, gz = cast->z[g] - z;
+            const float m = gx * dx + gy * dy + gz * dz, cosine = rays->dx[l] * dx + rays->dy[l] * dy + rays->dz[l] * dz;
+            const float hx = gx - m * dx, hy = gy - m * dy, hz = gz - m * dz;
+            const float slope = scatteri_sqrt(scatteri_max(1.0f - cosine * cosine, 0.0f)) * scatteri_abs(1.0f - m / length);
+            const float near = radius + slope * half;
+            const int hit = (m > 0.0f) & (m < length) & (hx * hx + hy * hy + hz * hz < near * near) & (bins->rate[b] > 0.0f);
+            bins->rate[b] = scatteri_max(bins->rate[b], rate * slope * bins->stretch[b] * (float)hit);
+        }
+    }
+}
+
 static float scatteri_analytic_rate(const scatteri_eye *eye, int l, float t)
 {
     const scatter_medium *m = &eye->context->medium.desc;
@@ -3833,6 +3861,8 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
         scatteri_rate_gaussians(&eye->page, l, c->medium.sigma_most, bins);
     for (b = 0; b < SCATTERI_BINS && !eye->page.complete; b++)
         bins->rate[b] = scatteri_max(bins->rate[b], eye->features[l] * bins->stretch[b]);
+    if (eye->pass.cut != NULL && eye->pass.cut->depth.method == SCATTER_DEPTH_CLOSED)
+        scatteri_rate_shadows(&eye->cast, &eye->rays, l, &eye->pass.cut->source, bins);
     for (b = 0; b < SCATTERI_BINS && eye->pass.map.local; b++)
         bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], 1.0f) : 0.0f;
 }
@@ -3852,7 +3882,7 @@ static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins
         } else {
             rate = with;
         }
-        parts = (int)scatteri_clamp(bins->rate[b] * width / SCATTERI_PANEL, 0.0f, 63.0f) + 1;
+        parts = (int)scatteri_clamp(bins->rate[b] * width / SCATTERI_PANEL, 0.0f, 31.0f) + 1;
         for (i = 0; parts > 1 && i < parts; i++)
             scatteri_add_panel(eye, l, bins->u0 + ((float)b + (float)i / (float)parts) * width,
                                bins->u0 + ((float)b + (float)(i + 1) / (float)parts) * width, cells);
@@ -4075,6 +4105,8 @@ static void scatteri_run_pass(scatteri_eye *eye)
         scatteri_evaluate_panel(eye, 0, rule);
         return;
     }
+    if (eye->pass.cut != NULL)
+        scatteri_begin_shadows(&eye->cast, &eye->context->medium, &eye->pass.cut->source, &eye->rays);
     for (l = 0; l < SCATTERI_LANES; l++)
         if (eye->rays.t0[l] < eye->rays.t1[l])
             scatteri_cut_ray(eye, l);
@@ -4087,11 +4119,12 @@ static int scatteri_glows(const scatter_context *c)
     return e.x > 0.0f || e.y > 0.0f || e.z > 0.0f;
 }
 
-/* Emission and all directional lights share nodes, unless geometry cuts the ray differently for each. */
+/* Emission and all directional lights share nodes, unless geometry or shadows in fog cut the ray differently for each. */
 static void scatteri_integrate(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
     scatteri_pass *pass = &eye->pass;
+    const int shared = c->scene.visible == NULL && !c->medium.has_analytic;
     int i, directional = 0;
     for (i = 0; i < c->light_count; i++)
         directional |= c->lights[i].source.directional;
@@ -4099,7 +4132,7 @@ static void scatteri_integrate(scatteri_eye *eye)
     pass->emission = scatteri_glows(c);
     pass->cut = NULL;
     pass->first = 0;
-    pass->end = c->scene.visible == NULL ? c->light_count : 0;
+    pass->end = shared ? c->light_count : 0;
     if (pass->emission || (directional && pass->end > 0))
         scatteri_run_pass(eye);
     pass->emission = 0;
@@ -4108,7 +4141,7 @@ static void scatteri_integrate(scatteri_eye *eye)
         pass->end = i + 1;
         pass->cut = &c->lights[i];
         scatteri_map_light(&eye->rays, &c->lights[i], &pass->map);
-        if ((pass->map.local || c->scene.visible != NULL) && scatteri_in_pass(c, pass, i))
+        if ((pass->map.local || !shared) && scatteri_in_pass(c, pass, i))
             scatteri_run_pass(eye);
     }
 }
@@ -4158,6 +4191,10 @@ static int scatteri_begin_eye(scatteri_eye *eye)
     }
     if (some && c->exact && c->medium.gaussians.count > 0)
         scatteri_gather_eye(eye);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        eye->hull0[l] = scatteri_clamp(eye->hull0[l], eye->rays.t0[l], eye->rays.t1[l]);
+        eye->hull1[l] = scatteri_clamp(eye->hull1[l], eye->hull0[l], eye->rays.t1[l]);
+    }
     return some;
 }
 

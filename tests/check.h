@@ -17,7 +17,7 @@
 #define CHECK_PI 3.14159265358979323846
 #define CHECK_COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-/* ----------------------------------------------------------------------------- >>comparisons */
+/* ------------------------------------------------- >>comparisons */
 
 static inline int check_at_most(const char *what, double value, double limit) {
     if (value <= limit)
@@ -76,7 +76,7 @@ static inline double check_relative_rms(const check_error *e) { return sqrt(e->s
 /* p of error ~ n^-p when n doubles. */
 static inline double check_order(double coarse, double fine) { return log2(coarse / fine); }
 
-/* ----------------------------------------------------------------------------- >>random */
+/* ------------------------------------------------------ >>random */
 
 /* splitmix64 (Steele, Lea, Flood 2014): every seed is a good one. */
 static inline uint64_t check_bits(uint64_t *seed) {
@@ -109,7 +109,7 @@ static inline scatter_vec3 check_direction(uint64_t *seed) {
     return d;
 }
 
-/* ----------------------------------------------------------------------------- >>vectors */
+/* ----------------------------------------------------- >>vectors */
 
 static inline scatter_vec3 check_v3(float x, float y, float z) {
     scatter_vec3 v;
@@ -144,7 +144,7 @@ static inline scatter_box check_cube(float low, float high) {
     return box;
 }
 
-/* ----------------------------------------------------------------------------- >>host */
+/* -------------------------------------------------------- >>host */
 
 /* A host that keeps books. Threads: `threads` below 2 is a plain loop; `reverse` runs the last task
  * first. */
@@ -265,7 +265,7 @@ static inline scatter_host check_host_open(check_host *books, int threads) {
     return host;
 }
 
-/* ----------------------------------------------------------------------------- >>scenes */
+/* ------------------------------------------------------ >>scenes */
 
 /* A scene with its arrays. The scene points into the struct: never copy it. */
 typedef struct check_world {

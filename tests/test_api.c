@@ -147,8 +147,7 @@ static int update_refuses(const check_world *bad, const scatter_quality *quality
     return fine && books.live == 0;
 }
 
-/* ----------------------------------------------------------------------------- >>bad input: scenes
- */
+/* ------------------------------------------- >>bad input: scenes */
 
 enum { NEGATIVE = 1, ZERO = 2, ABOVE_ONE = 4, ABOVE_PI = 8, BELOW_MINUS_ONE = 16 };
 
@@ -657,7 +656,8 @@ static void test_render_before_update(void **state) {
     scatter_destroy(context);
 }
 
-/* Whether the pixels in the middle of the image are numbers, not negative, and transmittance 0..1. */
+/* Whether the pixels in the middle of the image are numbers, not negative, and transmittance 0..1.
+ */
 static int middle_is_finite(const scatter_context *context) {
     static picture p;
     scatter_view view = front_view();
@@ -671,7 +671,8 @@ static int middle_is_finite(const scatter_context *context) {
         return 0;
     for (i = 7; i < 10; i++)
         for (x = 3 * (i * WIDTH + 10); x < 3 * (i * WIDTH + 14); x++)
-            good &= isfinite(p.rgb[x]) && p.rgb[x] >= 0 && p.transmittance[x] >= 0 && p.transmittance[x] <= 1;
+            good &= isfinite(p.rgb[x]) && p.rgb[x] >= 0 && p.transmittance[x] >= 0 &&
+                    p.transmittance[x] <= 1;
     return good;
 }
 
@@ -708,7 +709,7 @@ static void test_extreme_numbers(void **state) {
     assert_int_equal(bad, 0);
 }
 
-/* ----------------------------------------------------------------------------- >>bad pixels */
+/* -------------------------------------------------- >>bad pixels */
 
 /* A surface that some rays meet badly: at NaN, before the eye, without a normal. */
 static int bad_surface(void *user, scatter_vec3 o, scatter_vec3 d, scatter_surface *hit) {
@@ -755,7 +756,7 @@ static void test_bad_values_stay(void **state) {
     assert_true(same > 30);
 }
 
-/* ----------------------------------------------------------------------------- >>memory */
+/* ------------------------------------------------------ >>memory */
 
 /* With `scene` taken over, the n-th allocation fails; then, with memory, everything works as if it
  * never had. */
@@ -890,7 +891,7 @@ static void test_frames_do_not_allocate(void **state) {
     scatter_destroy(context);
 }
 
-/* ----------------------------------------------------------------------------- >>determinism */
+/* ------------------------------------------------- >>determinism */
 
 static void shoot_with(const check_world *w, const scatter_quality *q, int threads, int reverse,
                        picture *p) {
@@ -928,7 +929,7 @@ static void test_threads_change_no_bit(void **state) {
     assert_false(same_pictures(&alone, &together));
 }
 
-/* ----------------------------------------------------------------------------- >>what is redone */
+/* ---------------------------------------------- >>what is redone */
 
 static void change_nothing(check_world *w) { (void)w; }
 static void change_colour(check_world *w) { w->lights[0].intensity.x = 9; }
@@ -1090,7 +1091,7 @@ static void test_scene_is_copied(void **state) {
     scatter_destroy(context);
 }
 
-/* ----------------------------------------------------------------------------- >>images */
+/* ------------------------------------------------------ >>images */
 
 typedef struct region {
     int x0, y0, x1, y1;
@@ -1300,7 +1301,7 @@ static void test_composite_in_place(void **state) {
     scatter_destroy(context);
 }
 
-/* ----------------------------------------------------------------------------- >>progress */
+/* ---------------------------------------------------- >>progress */
 
 /* Renders or updates with the report `cancel_at` cancelling; the result of the call. */
 static scatter_result with_progress(int rendering, int cancel_at, check_host *books) {
@@ -1371,7 +1372,7 @@ static void test_progress_is_monotone(void **state) {
     assert_true(books.backward == 1 && books.outside == 1);
 }
 
-/* ----------------------------------------------------------------------------- >>views */
+/* ------------------------------------------------------- >>views */
 
 static double angle_between(scatter_vec3 a, scatter_vec3 b) {
     double cosine = check_dot(a, b) / sqrt(check_dot(a, a) * check_dot(b, b));
@@ -1409,7 +1410,7 @@ static void test_orthographic(void **state) {
     assert_at_most(angle_between(a.direction, check_v3(0, 0, 1)), 1e-6);
 }
 
-/* ----------------------------------------------------------------------------- >>tone */
+/* -------------------------------------------------------- >>tone */
 
 static double luminance(const float *rgb) {
     return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];

@@ -18,7 +18,7 @@
 typedef double (*density_of)(const scatter_medium *, scatter_vec3);
 typedef double (*depth_of)(const scatter_medium *, scatter_vec3, scatter_vec3);
 
-/* ----------------------------------------------------------------------------- >>media */
+/* ------------------------------------------------------- >>media */
 
 static void medium_constant(check_world *w) { w->scene.medium.constant = 0.7f; }
 
@@ -129,7 +129,7 @@ static double depth_rounding(const scatter_medium *m) {
     return sum;
 }
 
-/* ----------------------------------------------------------------------------- >>subjects */
+/* ---------------------------------------------------- >>subjects */
 
 static double library_density(const scatter_medium *m, scatter_vec3 x) {
     return scatter_density(m, x);
@@ -166,7 +166,7 @@ static double faulty_depth_first(const scatter_medium *m, scatter_vec3 p, scatte
     return scatter_density(m, p) * check_distance(p, q);
 }
 
-/* ----------------------------------------------------------------------------- >>density */
+/* ----------------------------------------------------- >>density */
 
 /* The worst relative error of a density at points in and around the unit cube. */
 static double density_error(const scatter_medium *m, density_of subject) {
@@ -231,7 +231,7 @@ static void test_grid_meaning(void **state) {
     assert_true(scatter_density(m, check_v3(0.5f, -0.01f, 0.5f)) == 0.0f);
 }
 
-/* ----------------------------------------------------------------------------- >>segments */
+/* ---------------------------------------------------- >>segments */
 
 typedef struct segment {
     scatter_vec3 p, q;
@@ -300,7 +300,7 @@ typedef segment (*segment_of)(uint64_t *);
 static const segment_of segments[] = {random_segment,   axis_segment,  grazing_segment,
                                       slanting_segment, short_segment, corner_segment};
 
-/* ----------------------------------------------------------------------------- >>optical depth */
+/* ----------------------------------------------- >>optical depth */
 
 /* The worst relative error of a depth on segments of one kind. */
 static double depth_error(const scatter_medium *m, depth_of subject, segment_of kind) {
@@ -510,7 +510,7 @@ static void test_far_end(void **state) {
     assert_at_most(e.worst, 1e-5); /* the header's promise knows no distance */
 }
 
-/* ----------------------------------------------------------------------------- >>extremes */
+/* ---------------------------------------------------- >>extremes */
 
 /* Finite inputs of any size give a depth that is a number and not negative. */
 static void test_extremes(void **state) {
@@ -531,8 +531,7 @@ static void test_extremes(void **state) {
         }
 }
 
-/* ----------------------------------------------------------------------------- >>phase functions
- */
+/* --------------------------------------------- >>phase functions */
 
 typedef double (*phase_of)(const scatter_phase *, double);
 
@@ -594,13 +593,14 @@ static void test_phase_moments(void **state) {
             one += weight * scatter_phase_value(&phase, (float)cosine);
             mean += weight * cosine * scatter_phase_value(&phase, (float)cosine);
         }
-        /* cos_theta is rounded to float: 6e-8 against 1-g = 0.05 is 4e-6 of p at the peak, both signs */
+        /* cos_theta is rounded to float: 6e-8 against 1-g = 0.05 is 4e-6 of p at the peak, both
+         * signs */
         assert_at_most(fabs(one - 1), 1e-5);
         assert_at_most(fabs(mean - g), 1e-5);
     }
 }
 
-/* ----------------------------------------------------------------------------- >>injection */
+/* --------------------------------------------------- >>injection */
 
 #define CELLS_MAX (33 * 17 * 9)
 
