@@ -3620,7 +3620,8 @@ SCATTERI_HOT static void scatteri_place_nodes(const scatteri_rule *rule, const s
     for (k = 0; k < rows; k++) {
         const float node = rule->node[first + k], weight = rule->weight[first + k];
         const float middle = (2.0f * (float)(first + k) + 1.0f) / count - 1.0f;
-        float *t = n->t + k * SCATTERI_LANES, *w = n->weight + k * SCATTERI_LANES, *cell = n->cell + k * SCATTERI_LANES;
+        float *SCATTERI_RESTRICT t = n->t + k * SCATTERI_LANES, *SCATTERI_RESTRICT w = n->weight + k * SCATTERI_LANES;
+        float *SCATTERI_RESTRICT cell = n->cell + k * SCATTERI_LANES;
         for (l = 0; l < SCATTERI_LANES; l++) {
             const float half = 0.5f * (ub[l] - ua[l]);
             t[l] = ua[l] + half * (1.0f + node + cells[l] * (middle - node));
