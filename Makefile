@@ -144,7 +144,7 @@ $(BUILD)/scenes/cumulus_27000.scatter: $(BUILD)/scatter-generate | $(BUILD)/scen
 	$< 27000 >$@
 
 $(BUILD)/gallery/sheet.png: $(BUILD)/scatter-sheet $(PICTURES)
-	$< $@ $(PICTURES)
+	$< $@ $$(ls $(PICTURES) 2>/dev/null)
 
 # ----------------------------------------------------------------------- checks, bench, glsl
 

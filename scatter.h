@@ -258,8 +258,8 @@ typedef struct scatter_quality {
     scatter_density_method density;
     scatter_ray_method ray;
     int nodes; /* quadrature: nodes per panel, 1..256; march: steps per ray, 1..4096; 0: 16 */
-    int grid;  /* n of depth volumes and of the injected density, 2..1024; 0: 64, up to 128 where the
-                  medium has more voxels than that along an axis or more than 256 Gaussians */
+    int grid;  /* n of depth volumes and of the injected density, 2..1024; 0: 64, 128 for more than 256
+                  Gaussians, 3/2 of the voxels along the longest axis of a grid, at most 256 */
 } scatter_quality;
 
 typedef struct scatter_ray {
@@ -2167,6 +2167,9 @@ typedef struct scatteri_shadows {
     int count, next, complete; /* as in scatteri_page */
     float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre, relative to slabs.ref */
     float a[SCATTERI_PAGE], scale[SCATTERI_PAGE];               /* scale: c sqrt(pi)/(2a) */
+    int inside[SCATTERI_PAGE]; /* segments can end inside the Gaussian's support */
+    scatter_vec3 source;       /* relative to slabs.ref */
+    int directional, clipped;  /* clipped: segments end at the bounds */
 } scatteri_shadows;
 
 static scatter_vec3 scatteri_unit_or_zero(scatter_vec3 v)
@@ -2203,6 +2206,14 @@ static scatteri_slabs scatteri_slabs_to_source(const scatteri_rays *rays, const 
     return slabs;
 }
 
+/* Whether Gaussian i still has density at the source: 2 * 14 leaves room for the slant of segments that pass it at
+   the edge of its support. */
+static int scatteri_near_source(const scatteri_shadows *s, int i)
+{
+    const float x = s->x[i] - s->source.x, y = s->y[i] - s->source.y, z = s->z[i] - s->source.z;
+    return s->a[i] * s->a[i] * (x * x + y * y + z * z) < 30.0f;
+}
+
 SCATTERI_HOT static void scatteri_gather_shadows(scatteri_shadows *s, int first)
 {
     const scatteri_gaussians *g = &s->medium->gaussians;
@@ -2222,6 +2233,7 @@ SCATTERI_HOT static void scatteri_gather_shadows(scatteri_shadows *s, int first)
             s->z[i] = g->z[first + l] - ref.z;
             s->a[i] = g->a[first + l];
             s->scale[i] = g->c[first + l] * 0.886226925f / g->a[first + l];
+            s->inside[i] = s->clipped || (!s->directional && scatteri_near_source(s, i));
             s->count++;
         }
     }
@@ -2235,6 +2247,9 @@ static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *m
 {
     s->medium = medium;
     s->slabs = scatteri_slabs_to_source(rays, source);
+    s->source = scatteri_sub(source->position, rays->ref);
+    s->directional = source->directional;
+    s->clipped = medium->desc.bounded && (source->directional || !scatteri_inside(medium->desc.bounds, source->position));
     scatteri_gather_shadows(s, 0);
 }
 
@@ -2255,7 +2270,7 @@ SCATTERI_FN void scatteri_shadow_foot(const scatteri_shadows *s, int g, const sc
     }
 }
 
-/* Depth by the difference of two erfs: error 4e-7 of the Gaussian's whole depth on that line. */
+/* Depth by the difference of two erfs: error 6e-7 of the Gaussian's whole depth on that line. */
 SCATTERI_FN void scatteri_shadow_quick(float a, float scale, const float *SCATTERI_RESTRICT length,
                                        const float *SCATTERI_RESTRICT m, const float *SCATTERI_RESTRICT fade,
                                        float *SCATTERI_RESTRICT sum)
@@ -2266,6 +2281,20 @@ SCATTERI_FN void scatteri_shadow_quick(float a, float scale, const float *SCATTE
         const float qx = scatteri_erf_under(x * x), qy = scatteri_erf_under(y * y);
         const float s = scatteri_erf_over(y, y * y) * qx - scatteri_erf_over(x, x * x) * qy;
         sum[l] += scale * scatteri_decay(fade[l]) * (s / (qx * qy));
+    }
+}
+
+/* The same where the Gaussian has no density at the source: it lies on the segment or behind the source, and the
+   second erf is 1 or does not matter. */
+SCATTERI_FN void scatteri_shadow_whole(float a, float scale, const float *SCATTERI_RESTRICT length,
+                                       const float *SCATTERI_RESTRICT m, const float *SCATTERI_RESTRICT fade,
+                                       float *SCATTERI_RESTRICT sum)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float x = scatteri_within(-a * m[l], 3.6f), q = scatteri_erf_under(x * x);
+        const float depth = scale * scatteri_decay(fade[l]) * ((q - scatteri_erf_over(x, x * x)) / q);
+        sum[l] += scatteri_choose(m[l], length[l], depth, 0.0f);
     }
 }
 
@@ -2280,7 +2309,7 @@ SCATTERI_FN void scatteri_shadow_exact(float a, float scale, const float *SCATTE
         const float x = a * m[l], y = scatteri_min(a * (length[l] - m[l]), 1e6f);
         const float p = scatteri_erfcx(scatteri_abs(x)) * scatteri_decay(fade[l] + x * x);
         const float q = scatteri_erfcx(scatteri_abs(y)) * scatteri_decay(fade[l] + y * y);
-        const float between = scatteri_choose(0.0f, x, scatteri_choose(0.0f, y, 2.0f, 0.0f), 0.0f);
+        const float between = scatteri_choose(0.0f, x, scatteri_choose(y, 0.0f, 0.0f, 2.0f), 0.0f);
         const float ends = scatteri_choose(0.0f, x, -p, p) + scatteri_choose(y, 0.0f, q, -q);
         sum[l] += scale * scatteri_max(between * scatteri_decay(fade[l]) + ends, 0.0f);
     }
@@ -2298,7 +2327,9 @@ SCATTERI_HOT static void scatteri_add_gathered(const scatteri_shadows *s, int co
             sum[l] = 0.0f;
         for (g = 0; g < s->count; g++) {
             scatteri_shadow_foot(s, g, p, first, m, fade);
-            if (sigma * s->scale[g] < SCATTERI_QUICK)
+            if (sigma * s->scale[g] < SCATTERI_QUICK && !s->inside[g])
+                scatteri_shadow_whole(s->a[g], s->scale[g], p->length + first, m, fade, sum);
+            else if (sigma * s->scale[g] < SCATTERI_QUICK)
                 scatteri_shadow_quick(s->a[g], s->scale[g], p->length + first, m, fade, sum);
             else
                 scatteri_shadow_exact(s->a[g], s->scale[g], p->length + first, m, fade, sum);
@@ -2774,7 +2805,7 @@ static void scatteri_sum_fields(const scatter_depth *d, const scatteri_rays *ray
     int s, l;
     for (f = 0; f < d->medium->desc.grid_count; f++) {
         const scatteri_field *field = &d->medium->fields[f];
-        const int samples = (int)scatteri_clamp(scatteri_voxels_along(field, rays, d->step_r), 0.0f, 1e4f) + 1;
+        const int samples = (int)scatteri_clamp(0.75f * scatteri_voxels_along(field, rays, d->step_r), 0.0f, 1e4f) + 1;
         const float part = 1.0f / (float)samples;
         for (s = 0; s < samples; s++) {
             float at[SCATTERI_LANES], density[SCATTERI_LANES];
@@ -3035,7 +3066,7 @@ static int scatteri_choose_grid(int grid, const scatter_medium *medium)
     for (i = 0; i < medium->grid_count; i++) {
         const scatter_grid *g = &medium->grids[i];
         const int most = g->nx > g->ny ? (g->nx > g->nz ? g->nx : g->nz) : (g->ny > g->nz ? g->ny : g->nz);
-        n = most > n ? (most < 128 ? most : 128) : n;
+        n = scatteri_clamp_int(most + most / 2, n, 256);
     }
     return n;
 }
@@ -4159,18 +4190,38 @@ static void scatteri_end_depth(scatteri_eye *eye, float *depth)
     memcpy(depth, n->depth, SCATTERI_LANES * sizeof(float));
 }
 
-/* The stretch of ray l where there is medium; nothing: t0 = t1. */
-static void scatteri_cut_to_medium(const scatteri_medium *m, scatteri_rays *rays, int l)
+/* Shortens all rays to what is inside the box, relative to rays->ref; nothing: t0 = t1. */
+SCATTERI_HOT static void scatteri_clip_rays(scatter_box b, scatteri_rays *rays)
 {
-    const scatter_vec3 origin = scatteri_ray_point(rays, l, 0.0f), direction = scatteri_ray_direction(rays, l);
-    float t0 = 0.0f, t1 = rays->t1[l];
-    int some = scatteri_bounded(&m->desc, origin, direction, &t0, &t1);
-    if (some && m->has_analytic)
-        t1 = scatteri_min(t1, t0 + scatteri_horizon(m, scatteri_along(origin, direction, t0), direction));
-    else if (some)
-        some = m->has_local && scatteri_clip(m->local, origin, direction, &t0, &t1);
-    rays->t0[l] = some ? t0 : 0.0f;
-    rays->t1[l] = some ? scatteri_max(t1, t0) : 0.0f;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float dx = scatteri_not_zero(rays->dx[l]), dy = scatteri_not_zero(rays->dy[l]);
+        const float dz = scatteri_not_zero(rays->dz[l]);
+        const float ax = (b.min.x - rays->ox[l]) / dx, bx = (b.max.x - rays->ox[l]) / dx;
+        const float ay = (b.min.y - rays->oy[l]) / dy, by = (b.max.y - rays->oy[l]) / dy;
+        const float az = (b.min.z - rays->oz[l]) / dz, bz = (b.max.z - rays->oz[l]) / dz;
+        const float near = scatteri_max(scatteri_min(ax, bx), scatteri_max(scatteri_min(ay, by), scatteri_min(az, bz)));
+        const float far = scatteri_min(scatteri_max(ax, bx), scatteri_min(scatteri_max(ay, by), scatteri_max(az, bz)));
+        const float t0 = scatteri_max(rays->t0[l], near), t1 = scatteri_min(rays->t1[l], far);
+        rays->t0[l] = scatteri_choose(t0, t1, t0, 0.0f);
+        rays->t1[l] = scatteri_choose(t0, t1, t1, 0.0f);
+    }
+}
+
+/* The stretches of the rays where there is medium; nothing: t0 = t1. */
+static void scatteri_cut_to_medium(const scatteri_medium *m, scatteri_rays *rays)
+{
+    int l;
+    if (m->desc.bounded)
+        scatteri_clip_rays(scatteri_box_from(m->desc.bounds, rays->ref), rays);
+    if (!m->has_analytic && m->has_local)
+        scatteri_clip_rays(scatteri_box_from(m->local, rays->ref), rays);
+    for (l = 0; l < SCATTERI_LANES && !m->has_local; l++)
+        rays->t1[l] = m->has_analytic ? rays->t1[l] : rays->t0[l];
+    for (l = 0; l < SCATTERI_LANES && m->has_analytic; l++)
+        if (rays->t0[l] < rays->t1[l])
+            rays->t1[l] = scatteri_min(rays->t1[l], rays->t0[l] + scatteri_horizon(m, scatteri_ray_point(rays, l, rays->t0[l]),
+                                                                                   scatteri_ray_direction(rays, l)));
 }
 
 /* Gathers what lies on the rays; 0 if nothing does. */
@@ -4183,8 +4234,8 @@ static int scatteri_begin_eye(scatteri_eye *eye)
     eye->page.complete = 1;
     memset(&eye->radiance, 0, sizeof eye->radiance);
     memset(eye->panels.count, 0, sizeof eye->panels.count);
+    scatteri_cut_to_medium(&c->medium, &eye->rays);
     for (l = 0; l < SCATTERI_LANES; l++) {
-        scatteri_cut_to_medium(&c->medium, &eye->rays, l);
         eye->hull0[l] = SCATTERI_FAR;
         eye->hull1[l] = -SCATTERI_FAR;
         eye->features[l] = 0.0f;
@@ -4243,9 +4294,19 @@ static void scatteri_march_eye(scatteri_eye *eye, float *depth)
     }
 }
 
+SCATTERI_HOT static void scatteri_decay_lanes(float sigma, const float *SCATTERI_RESTRICT depth,
+                                              float *SCATTERI_RESTRICT through)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        through[l] = scatteri_exp(-sigma * depth[l]);
+}
+
 /* Radiance and transmittance of the medium on 16 rays between their origins and rays.t1. */
 static void scatteri_look(scatteri_eye *eye, scatter_sample *samples)
 {
+    const scatter_vec3 s = eye->context->medium.desc.extinction;
+    scatteri_radiance through;
     float depth[SCATTERI_LANES];
     int l;
     memset(depth, 0, sizeof depth);
@@ -4258,9 +4319,12 @@ static void scatteri_look(scatteri_eye *eye, scatter_sample *samples)
             scatteri_integrate(eye);
         }
     }
+    scatteri_decay_lanes(s.x, depth, through.r);
+    scatteri_decay_lanes(s.y, depth, through.g);
+    scatteri_decay_lanes(s.z, depth, through.b);
     for (l = 0; l < SCATTERI_LANES; l++) {
         samples[l].radiance = scatteri_v3(eye->radiance.r[l], eye->radiance.g[l], eye->radiance.b[l]);
-        samples[l].transmittance = scatteri_transmittance(&eye->context->medium, depth[l]);
+        samples[l].transmittance = scatteri_v3(through.r[l], through.g[l], through.b[l]);
     }
 }
 
@@ -4359,26 +4423,48 @@ static void scatteri_put(float *pixels, size_t at, scatter_vec3 rgb)
     pixels[3 * at + 2] = rgb.z;
 }
 
-/* Pixel l of the 4x4 pixels from x, y on; beyond the edge of the image the nearest pixel. */
-static void scatteri_packet_pixel(const scatter_image *image, int x, int y, int l, int *px, int *py)
+/* Rays through the centres of the 4x4 pixels from x, y on; beyond the edge of the image the nearest pixel. */
+SCATTERI_HOT static void scatteri_aim(const scatteri_picture *job, int x, int y, scatteri_rays *rays)
 {
-    *px = scatteri_clamp_int(x + l % SCATTERI_SIDE, 0, image->width - 1);
-    *py = scatteri_clamp_int(y + l / SCATTERI_SIDE, 0, image->height - 1);
+    const scatter_view *v = &job->view;
+    const int right = job->image.width - 1, bottom = job->image.height - 1;
+    const float across = 1.0f / (float)job->image.width, down = 1.0f / (float)job->image.height;
+    int l;
+    rays->ref = v->origin;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const int px = x + (l & (SCATTERI_SIDE - 1)), py = y + l / SCATTERI_SIDE;
+        const float a = ((float)(px < right ? px : right) + 0.5f) * across;
+        const float b = ((float)(py < bottom ? py : bottom) + 0.5f) * down;
+        const float dx = v->direction.x + (v->direction_dx.x * a + v->direction_dy.x * b);
+        const float dy = v->direction.y + (v->direction_dx.y * a + v->direction_dy.y * b);
+        const float dz = v->direction.z + (v->direction_dx.z * a + v->direction_dy.z * b);
+        const float inverse = scatteri_rsqrt(dx * dx + dy * dy + dz * dz);
+        rays->ox[l] = v->origin_dx.x * a + v->origin_dy.x * b;
+        rays->oy[l] = v->origin_dx.y * a + v->origin_dy.y * b;
+        rays->oz[l] = v->origin_dx.z * a + v->origin_dy.z * b;
+        rays->dx[l] = dx * inverse;
+        rays->dy[l] = dy * inverse;
+        rays->dz[l] = dz * inverse;
+        rays->t0[l] = 0.0f;
+        rays->t1[l] = SCATTERI_FAR;
+    }
 }
 
-/* The ray through pixel at: direction, and what ends it. Returns whether a surface of the scene does. */
-static int scatteri_aim(const scatteri_picture *job, int x, int y, int l, scatteri_rays *rays, scatter_surface *hit)
+/* Ends ray l where the host's picture or a surface of the scene does. Returns whether a surface does. */
+static int scatteri_end_ray(const scatteri_picture *job, int x, int y, int l, scatteri_rays *rays, scatter_surface *hit)
 {
     const scatter_scene *scene = &job->context->scene;
     const scatter_image *image = &job->image;
-    const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
-    const scatter_ray ray = scatter_view_ray(&job->view, ((float)x + 0.5f) / (float)image->width,
-                                             ((float)y + 0.5f) / (float)image->height);
+    const int px = scatteri_clamp_int(x + l % SCATTERI_SIDE, 0, image->width - 1);
+    const int py = scatteri_clamp_int(y + l / SCATTERI_SIDE, 0, image->height - 1);
     const int solid = image->distance == NULL && scene->surface != NULL &&
-                      scene->surface(scene->user, ray.origin, ray.direction, hit) != 0;
-    const float distance = solid ? hit->distance : image->distance != NULL ? image->distance[at] : 0.0f;
-    scatteri_set_ray(rays, l, ray.origin, ray.direction,
-                     (solid || distance > 0.0f) && distance < SCATTERI_FAR ? distance : SCATTERI_FAR);
+                      scene->surface(scene->user, scatteri_ray_point(rays, l, 0.0f), scatteri_ray_direction(rays, l),
+                                     hit) != 0;
+    const float distance = solid ? hit->distance
+                           : image->distance != NULL ? image->distance[(size_t)py * (size_t)image->width + (size_t)px]
+                                                     : 0.0f;
+    if ((solid || distance > 0.0f) && distance < SCATTERI_FAR)
+        rays->t1[l] = scatteri_max(distance, 0.0f);
     return solid;
 }
 
@@ -4394,6 +4480,21 @@ static scatter_vec3 scatteri_behind(const scatteri_picture *job, size_t at, cons
     return scatteri_shade(job->context, hit, scatteri_ray_point(rays, l, 0.0f), scatteri_ray_direction(rays, l));
 }
 
+/* The view with directions of a length that can be squared. */
+static scatter_view scatteri_scaled_view(const scatter_view *view)
+{
+    const scatter_vec3 d[3] = {view->direction, view->direction_dx, view->direction_dy};
+    scatter_view scaled = *view;
+    float most = 0.0f;
+    int i;
+    for (i = 0; i < 3; i++)
+        most = scatteri_max(most, scatteri_max(scatteri_abs(d[i].x), scatteri_max(scatteri_abs(d[i].y), scatteri_abs(d[i].z))));
+    scaled.direction = scatteri_scale(d[0], 1.0f / most);
+    scaled.direction_dx = scatteri_scale(d[1], 1.0f / most);
+    scaled.direction_dy = scatteri_scale(d[2], 1.0f / most);
+    return scaled;
+}
+
 /* 4x4 pixels. Those outside the region are computed with the others, so that a region has the same bits as the whole
    image, but not written. */
 static void scatteri_render_packet(const scatteri_picture *job, int x, int y, scatteri_eye *eye)
@@ -4403,10 +4504,9 @@ static void scatteri_render_packet(const scatteri_picture *job, int x, int y, sc
     scatter_sample samples[SCATTERI_LANES];
     scatteri_rays rays;
     int solid[SCATTERI_LANES], l, px, py;
-    for (l = 0; l < SCATTERI_LANES; l++) {
-        scatteri_packet_pixel(image, x, y, l, &px, &py);
-        solid[l] = scatteri_aim(job, px, py, l, &rays, &hits[l]);
-    }
+    scatteri_aim(job, x, y, &rays);
+    for (l = 0; l < SCATTERI_LANES; l++)
+        solid[l] = scatteri_end_ray(job, x, y, l, &rays, &hits[l]);
     eye->context = job->context;
     eye->rays = rays;
     scatteri_look(eye, samples);
@@ -5182,7 +5282,7 @@ SCATTER_API scatter_result scatter_render(const scatter_context *c, const scatte
     if (image == NULL)
         return scatteri_fail(&c->host, SCATTER_BAD_ARGUMENT, "image is NULL, it must point to a scatter_image");
     job.context = c;
-    job.view = *view;
+    job.view = scatteri_scaled_view(view);
     job.image = *image;
     if (image->x0 == 0 && image->y0 == 0 && image->x1 == 0 && image->y1 == 0) {
         job.image.x1 = image->width;

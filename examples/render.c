@@ -19,7 +19,7 @@ static const char usage[] =
     "  --ray METHOD      quadrature march\n"
     "  --density METHOD  auto exact volume\n"
     "  --nodes N         per panel of the quadrature, or steps of the march (16)\n"
-    "  --grid N          cells along each axis of depth and density volumes (64)\n"
+    "  --grid N          cells along each axis of depth and density volumes (0: as the scene needs)\n"
     "  --threads N       default: one for each processor\n"
     "  --repeat N        measure N times and report medians (1)\n"
     "  --reference FILE  .pfm to compare with\n"
@@ -104,7 +104,7 @@ static int option_with_value(options *o, const char *name, const char *value) {
     if (strcmp(name, "--nodes") == 0)
         return number_option(name, value, 1, 4096, &o->quality.nodes);
     if (strcmp(name, "--grid") == 0)
-        return number_option(name, value, 2, 1024, &o->quality.grid);
+        return number_option(name, value, 0, 1024, &o->quality.grid);
     if (strcmp(name, "--threads") == 0)
         return number_option(name, value, 1, 1024, &o->threads);
     if (strcmp(name, "--repeat") == 0)
@@ -545,7 +545,7 @@ int main(int count, char **arguments) {
     memset(&o, 0, sizeof o);
     o.repeat = 1;
     o.quality.nodes = 16;
-    o.quality.grid = 64;
+    o.quality.grid = 0;
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
     o.threads = processors > 1 ? (int)(processors < 1024 ? processors : 1024) : 1;
     if (count == 2 && strcmp(arguments[1], "--help") == 0)

@@ -119,7 +119,7 @@ step_m32() {
     check "they are 32-bit programs" sh -c "readelf -h $OUT/m32/test_api | grep -q ELF32"
 }
 
-# picture PROGRAM FILE: runs the minimal example, which writes fog.ppm where it is run.
+# picture PROGRAM DIR: runs the minimal example there, and finds the picture that it wrote.
 picture() {
     local program
     program=$(realpath "$1")
@@ -284,16 +284,15 @@ readme_example() {
 }
 readme_has_minimal() { readme_example "$1" | diff - examples/minimal.c; }
 
-# Paths in `code` and in (links), and the targets of `make`.
+# Files of the project in `code`, and (links) to anything but the web.
 promised_files() {
-    grep -oE '`[^`]+`|\]\([^)#]+' "$1" | sed -E 's/^`|`$|^\]\(//g' | tr ' ' '\n' |
-        grep -E '^(\./)?([A-Za-z0-9_.-]+/)*[A-Za-z0-9_-]+\.[a-z]+$|/$' |
-        grep -v '^https*:' | sort -u
+    local ours='(docs|tests|examples|bench|\.ci)/[^ ]*|scatter[a-z_]*\.h|LICENSE|Makefile'
+    grep -oE '`[^`]+`' "$1" | tr -d '`' | tr ' ' '\n' | grep -xE "$ours"
+    grep -oE '\]\([^)#]+' "$1" | sed 's/^](//' | grep -v '^https*:'
 }
 readme_files_exist() {
     local file missing=0
-    for file in $(promised_files "$1"); do
-        case $file in build/* | ../*) continue ;; esac
+    for file in $(promised_files "$1" | sort -u); do
         [ -e "$file" ] || { echo "promised, but not there: $file"; missing=1; }
     done
     for file in $(grep -oE '(^|`)make [a-z_]+' "$1" | cut -d' ' -f2 | sort -u); do
@@ -304,13 +303,13 @@ readme_files_exist() {
 
 title_readme="README: its example is examples/minimal.c and works, its files exist"
 step_readme() {
-    local example=$OUT/readme/example.c
-    mkdir -p $OUT/readme/examples
+    local dir=$OUT/readme
     check "the example is examples/minimal.c" readme_has_minimal README.md
-    cp $HEADERS $OUT/readme
-    readme_example README.md >$OUT/readme/examples/example.c
-    check "compiles" strict gcc:c99 -O2 $OUT/readme/examples/example.c -o $OUT/readme/example -lm
-    check "makes a picture" picture $OUT/readme/example $OUT/readme/picture
+    mkdir -p "$dir/examples"
+    cp $HEADERS "$dir"
+    readme_example README.md >"$dir/examples/fog.c"
+    check "compiles" strict gcc:c99 -O2 "$dir/examples/fog.c" -o "$dir/fog" -lm
+    check "makes a picture" picture "$dir/fog" "$dir/picture"
     check "its files and targets exist" readme_files_exist README.md
     sed 's/scatter_render(/scatter_rendered(/' README.md >"$PLANTED/README.md"
     refuse "an example that differs" scatter_render readme_has_minimal "$PLANTED/README.md"

@@ -134,7 +134,7 @@ step_sanitize() {
     refuse "sanitizer: integer overflow" "signed integer overflow" "$PLANTED/overflow"
 }
 
-# -------------------------------------------------------------------------------------------- scenes
+# ------------------------------------------------------------------------------------ scenes
 
 has_data() {
     local file
@@ -179,7 +179,7 @@ step_scenes() {
     refuse "another scene" above agrees examples/scenes/two_lights.scatter $OUT/one_gaussian.pfm
 }
 
-# -------------------------------------------------------------------------------------- self-test
+# --------------------------------------------------------------------------------- self-test
 
 # The steps above count on what a log says, so that is tested too.
 title_counting="a crash, an early exit and an empty run count as failures"

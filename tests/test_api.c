@@ -18,8 +18,7 @@
 #define HEIGHT 17
 #define FLOATS (WIDTH * HEIGHT * 3)
 
-/* ----------------------------------------------------------------------------- >>a scene with
- * everything */
+/* -------------------------------------- >>a scene with everything */
 
 static void open_full(check_world *w) {
     scatter_light *spot;
@@ -109,8 +108,7 @@ static void shoot_fresh(const check_world *w, const scatter_quality *q, picture 
     scatter_destroy(context);
 }
 
-/* ----------------------------------------------------------------------------- >>bad input: the
- * check */
+/* ----------------------------------------- >>bad input: the check */
 
 /* A refusal is a result, and one sentence to the log that names the field. */
 static int is_refused(const check_host *books, scatter_result got, scatter_result wanted,
@@ -343,8 +341,7 @@ static void test_unused_fields(void **state) {
     scatter_destroy(context);
 }
 
-/* ----------------------------------------------------------------------------- >>bad input:
- * quality */
+/* ------------------------------------------- >>bad input: quality */
 
 typedef struct bad_quality {
     const char *field;
@@ -399,8 +396,7 @@ static void test_quality_limits(void **state) {
     }
 }
 
-/* ----------------------------------------------------------------------------- >>bad input: rays,
- * images */
+/* -------------------------------------- >>bad input: rays, images */
 
 typedef struct shot {
     scatter_view view;
@@ -539,8 +535,7 @@ static void test_bad_rays(void **state) {
     assert_int_equal(bad, 0);
 }
 
-/* ----------------------------------------------------------------------------- >>bad input: the
- * other stages */
+/* ---------------------------------- >>bad input: the other stages */
 
 static void test_bad_volumes(void **state) {
     static check_world w;

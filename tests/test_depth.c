@@ -58,8 +58,7 @@ static scatter_quality quality_of(scatter_depth_method id, int grid) {
     return q;
 }
 
-/* ----------------------------------------------------------------------------- >>the error of a
- * method */
+/* ---------------------------------------- >>the error of a method */
 
 /* A point anywhere in low..high; with `cells` moved to the nearest centre of a cell of the unit
  * cube. */
@@ -216,8 +215,7 @@ static void test_automatic(void **state) {
     assert_true(error_of(m, s, SCATTER_DEPTH_AUTO, 32) == error_of(m, s, SCATTER_DEPTH_POLAR, 32));
 }
 
-/* ----------------------------------------------------------------------------- >>eq6 and its
- * consistent form */
+/* ---------------------------------- >>eq6 and its consistent form */
 
 /* One voxel of density 1 over the cube, the light in a corner: what upwind sees is the distance,
    what eq. 6 as printed sees is the distance along the axes. */
@@ -294,6 +292,22 @@ static void test_source_on_gaussian(void **state) {
     for (i = 0; i < 4; i++) {
         scatter_vec3 b = w.gaussians[i].center;
         assert_source_works(m, point_source(b.x, b.y, b.z), 1);
+    }
+}
+
+/* Depth is geometry: it does not depend on the extinction, though where light is gone nobody sees
+ * its errors. */
+static void test_extinction_does_not_matter(void **state) {
+    static const float extinctions[] = {0.0f, 1.0f, 1e4f};
+    check_world w;
+    const scatter_medium *m = open_cloud(&w, 5);
+    scatter_vec3 b = w.gaussians[1].center;
+    size_t i;
+    (void)state;
+    for (i = 0; i < CHECK_COUNT(extinctions); i++) {
+        w.scene.medium.extinction = check_v3(extinctions[i], extinctions[i], extinctions[i]);
+        assert_source_works(m, point_source(b.x, b.y, b.z), 1);
+        assert_source_works(m, point_source(1.4f, 1.3f, -0.5f), 3);
     }
 }
 
@@ -511,6 +525,7 @@ int main(void) {
         cmocka_unit_test(test_manhattan),
         cmocka_unit_test(test_source_on_cell),
         cmocka_unit_test(test_source_on_gaussian),
+        cmocka_unit_test(test_extinction_does_not_matter),
         cmocka_unit_test(test_source_on_boundary),
         cmocka_unit_test(test_source_around_the_box),
         cmocka_unit_test(test_sun_along_axes),

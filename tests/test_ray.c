@@ -145,9 +145,22 @@ static void scene_cube(check_world *w) {
     check_add_light(w, SCATTER_LIGHT_POINT, lamp_outside, white);
 }
 
+/* No puff reaches the lamp: those behind it, as seen from a point, must not shadow the point. */
+static void scene_lamp_among_puffs(check_world *w) {
+    check_add_gaussians(w, 24, 8.0f, 15.0f, 21);
+    check_add_light(w, SCATTER_LIGHT_POINT, check_v3(0.45f, 0.5f, 0.55f), white);
+}
+
 static void scene_lamp_on_gaussian(check_world *w) {
     check_add_gaussians(w, 6, 1.5f, 6.0f, 20);
     check_add_light(w, SCATTER_LIGHT_POINT, w->gaussians[2].center, white);
+}
+
+/* So dense that the lamp lights little more than a decimetre around it. */
+static void scene_lamp_in_dense_heart(check_world *w) {
+    check_add_gaussian(w, check_v3(0.5f, 0.5f, 0.5f), 1.5f, 1.0f);
+    w->scene.medium.extinction = check_v3(60, 60, 60);
+    check_add_light(w, SCATTER_LIGHT_POINT, w->gaussians[0].center, white);
 }
 
 typedef struct ray_case {
@@ -183,11 +196,12 @@ static const ray_case cases[] = {
     {"eye in fog, lamp inside", scene_mix, {0.1f, 0.2f, 0.3f}},
     {"eye far away", scene_twelve, {40.0f, 30.0f, -60.0f}},
     {"dense cube far away", scene_cube, {0.5f, 0.6f, -30.0f}},
+    {"lamp among puffs", scene_lamp_among_puffs, {0.5f, 0.6f, -2.0f}},
+    {"lamp in a dense heart", scene_lamp_in_dense_heart, {0.5f, 0.55f, 0.3f}},
     {"lamp on a Gaussian", scene_lamp_on_gaussian, {0.5f, 0.6f, -2.0f}},
 };
 
-/* ----------------------------------------------------------------------------- >>the error of an
- * image */
+/* ---------------------------------------- >>the error of an image */
 
 /* Rays with their true radiance. */
 typedef struct trial {
@@ -838,22 +852,30 @@ static void test_lamp_at_the_eye(void **state) {
     assert_at_most(ray_error(&w, ray_through(eye, check_v3(0.4f, 0.6f, 1.0f)), 64), 1e-4);
 }
 
-static void test_ray_past_an_ideal_lamp(void **state) {
+/* Past an ideal lamp at 10 cm to 0.1 mm, from two sides. */
+static void pass_lamp(void (*build)(check_world *), scatter_vec3 eye) {
     static const float distances[] = {0.1f, 1e-2f, 1e-3f, 1e-4f};
     check_world w;
     size_t i;
-    (void)state;
     check_world_open(&w);
-    scene_lamp_inside(&w);
+    build(&w);
     w.lights[0].radius = 0;
     for (i = 0; i < CHECK_COUNT(distances); i++) {
         scatter_vec3 past = w.lights[0].position;
-        past.x += distances[i];
-        /* the distance is a difference of coordinates: an ulp of 0.45 is 3e-8 m, of which L = I
-           pi/d feels 3e-8/d, and the eye's 2 m give the ray as much */
-        assert_at_most(ray_error(&w, ray_through(check_v3(0.5f, 0.6f, -2.0f), past), 64),
-                       1e-4 + 3e-7 / distances[i]);
+        past.y += distances[i];
+        /* the distance is a difference of coordinates: an ulp of 0.45 is 3e-8 m, of which L = I pi/d
+           feels 3e-8/d, and the eye's 2 m give the ray as much */
+        assert_at_most(ray_error(&w, ray_through(eye, past), 64), 1e-4 + 3e-7 / distances[i]);
     }
+}
+
+static void test_ray_past_an_ideal_lamp(void **state) {
+    static const scatter_vec3 front = {0.5f, 0.6f, -2.0f}, side = {-1.5f, 0.4f, 0.7f};
+    (void)state;
+    pass_lamp(scene_lamp_inside, front);
+    pass_lamp(scene_lamp_inside, side);
+    pass_lamp(scene_lamp_among_puffs, front);
+    pass_lamp(scene_lamp_among_puffs, side);
 }
 
 /* Straight through an ideal lamp the truth is infinite. Anything but NaN. */
