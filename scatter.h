@@ -1260,6 +1260,16 @@ static double scatteri_crossing(double g, double dg, double t, int n)
     return (plane - g) / dg;
 }
 
+static double scatteri_smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static double scatteri_larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 /* A segment whose geometry is computed in double, so that a far end costs no digits at the near one. */
 typedef struct scatteri_segment {
     double origin[3], direction[3], length; /* direction: unit */
@@ -1294,8 +1304,8 @@ static int scatteri_cut_segment(scatteri_segment *s, scatter_box box)
                 return 0;
             continue;
         }
-        t0 = fmax(t0, (d > 0.0 ? low : high) / d);
-        t1 = fmin(t1, (d > 0.0 ? high : low) / d);
+        t0 = scatteri_larger(t0, (d > 0.0 ? low : high) / d);
+        t1 = scatteri_smaller(t1, (d > 0.0 ? high : low) / d);
     }
     if (!(t0 < t1))
         return 0;
@@ -1324,7 +1334,7 @@ static float scatteri_field_depth(const scatteri_field *field, scatteri_segment 
     while (t < s.length) {
         double next = s.length, a, b;
         for (i = 0; i < 3; i++)
-            next = fmin(next, scatteri_crossing(g[i], dg[i], t, n[i]));
+            next = scatteri_smaller(next, scatteri_crossing(g[i], dg[i], t, n[i]));
         a = t + gauss * (next - t);
         b = next - gauss * (next - t);
         sum += 0.5 * (next - t) *
@@ -1469,9 +1479,9 @@ static float scatteri_gaussian_depth(scatter_gaussian g, const scatteri_segment 
     const double z = (double)g.center.z - s->origin[2], a = (double)g.a;
     const double m = x * s->direction[0] + y * s->direction[1] + z * s->direction[2];
     const double px = x - m * s->direction[0], py = y - m * s->direction[1], pz = z - m * s->direction[2];
-    const float e = scatteri_exp((float)-fmin(a * a * (px * px + py * py + pz * pz), 1e4));
-    const float low = (float)fmax(fmin(-a * m, 1e6), -1e6), high = (float)fmax(fmin(a * (s->length - m), 1e6), -1e6);
-    return g.c * e * scatteri_erf_span(low, high, (float)fmin(0.5 * a * s->length, 1e6)) * (0.88622693f / g.a);
+    const float e = scatteri_exp((float)-scatteri_smaller(a * a * (px * px + py * py + pz * pz), 1e4));
+    const float low = (float)scatteri_larger(scatteri_smaller(-a * m, 1e6), -1e6), high = (float)scatteri_larger(scatteri_smaller(a * (s->length - m), 1e6), -1e6);
+    return g.c * e * scatteri_erf_span(low, high, (float)scatteri_smaller(0.5 * a * s->length, 1e6)) * (0.88622693f / g.a);
 }
 
 /* Depth of the local terms along the segment. */
@@ -1668,7 +1678,8 @@ static scatter_result scatteri_prepare(const scatter_host *host, scatteri_medium
     const size_t fields = desc->grid_count * sizeof(scatteri_field);
     const size_t arrays = padded * 6 * sizeof(float);
     const scatter_result result =
-        scatteri_reserve(host, &medium->memory, fields + grids + gaussians + heights + arrays, "the medium");
+        scatteri_reserve(host, &medium->memory, fields + grids + gaussians + heights + arrays + sizeof(float),
+                         "the medium");
     char *memory = (char *)medium->memory.data;
     if (result != SCATTER_OK)
         return result;

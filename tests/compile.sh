@@ -114,8 +114,8 @@ step_m32() {
         skip "this compiler has no -m32"
         return
     fi
-    suites m32 "$M32_SUITES" CC=gcc CFLAGS="-O2 -m32" CPPFLAGS=-Itests/tiny CMOCKA_LIBS= \
-        MPFR_LIBS= REFERENCE_LIBS=-Wl,--unresolved-symbols=ignore-all
+    suites m32 "$M32_SUITES" CC=gcc CFLAGS="-O2 -m32 -fno-pie" CPPFLAGS=-Itests/tiny CMOCKA_LIBS= \
+        MPFR_LIBS= REFERENCE_LIBS="-no-pie -Wl,--unresolved-symbols=ignore-all"
     check "they are 32-bit programs" sh -c "readelf -h $OUT/m32/test_api | grep -q ELF32"
 }
 

@@ -658,14 +658,14 @@ static int middle_is_finite(const scatter_context *context) {
     scatter_view view = front_view();
     int i, x, good = 1;
     open_picture(&p);
-    p.image.x0 = 10;
-    p.image.x1 = 14;
+    p.image.x0 = 11;
+    p.image.x1 = 13;
     p.image.y0 = 7;
-    p.image.y1 = 10;
+    p.image.y1 = 9;
     if (scatter_render(context, &view, &p.image) != SCATTER_OK)
         return 0;
-    for (i = 7; i < 10; i++)
-        for (x = 3 * (i * WIDTH + 10); x < 3 * (i * WIDTH + 14); x++)
+    for (i = 7; i < 9; i++)
+        for (x = 3 * (i * WIDTH + 11); x < 3 * (i * WIDTH + 13); x++)
             good &= isfinite(p.rgb[x]) && p.rgb[x] >= 0 && p.transmittance[x] >= 0 &&
                     p.transmittance[x] <= 1;
     return good;
@@ -679,6 +679,7 @@ static int survives(const bad_number *row, float value) {
     scatter_quality q = stored_quality();
     scatter_context *context = NULL;
     int good;
+    q.nodes = 1; /* opaque media get a thousand panels for each ray */
     open_full(&w);
     memcpy((char *)&w + row->offset, &value, sizeof value);
     assert_int_equal(scatter_create(&host, &context), SCATTER_OK);

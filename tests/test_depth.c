@@ -146,8 +146,8 @@ static int is_first_order(ladder e) {
 static int is_inconsistent(ladder e) { return e.fine > 0.3 && fabs(e.fine / e.middle - 1) < 0.2; }
 
 /* All methods at the centres of cells, where they were measured; the closed volume, exact there,
-   between them. `between`: what trilinear reading of exact values may cost at 64. */
-static void assert_orders(scatter_source source, double between) {
+   between them. `factor`: what is allowed, over what was measured for a light inside. */
+static void assert_orders(scatter_source source, double factor) {
     ladder closed_volume = climb("closed volume", source, SCATTER_DEPTH_CLOSED_VOLUME, 16, 0);
     ladder polar = climb("polar", source, SCATTER_DEPTH_POLAR, 16, 1);
     ladder march = climb("march", source, SCATTER_DEPTH_MARCH, 8, 1);
@@ -161,8 +161,12 @@ static void assert_orders(scatter_source source, double between) {
     assert_true(is_first_order(upwind));
     assert_at_least(check_order(diagonal.middle, diagonal.fine), 0.8); /* measured 1 to 1.2 */
     assert_at_most(error_of_clouds(source, SCATTER_DEPTH_CLOSED_VOLUME, 64, 1), 1e-5);
-    assert_at_most(closed_volume.fine, between);
+    assert_at_most(closed_volume.fine,
+                   0.001 * factor); /* the project's requirement, as for polar */
     assert_at_most(polar.fine, 0.01);
+    assert_at_most(diagonal.fine, 0.021 * factor);
+    assert_at_most(upwind.middle, 0.066 * factor);
+    assert_at_most(march.fine, 0.0087 * factor);
     assert_true(closed_volume.fine < polar.fine && polar.fine < diagonal.fine);
     assert_true(diagonal.fine < upwind.middle && upwind.middle < eq6.fine);
     /* the checks can fail: no method passes for another */
@@ -173,19 +177,19 @@ static void assert_orders(scatter_source source, double between) {
 
 static void test_orders_light_inside(void **state) {
     (void)state;
-    assert_orders(point_source(0.41f, 0.57f, 0.36f), 0.001); /* the project's requirement */
+    assert_orders(point_source(0.41f, 0.57f, 0.36f), 1);
 }
 
 /* From outside, shadows have the whole cube to cross and stay as narrow as the Gaussians that throw
    them, while the mean depth is less: three times as much. */
 static void test_orders_light_outside(void **state) {
     (void)state;
-    assert_orders(point_source(1.4f, 1.3f, -0.5f), 0.003);
+    assert_orders(point_source(1.4f, 1.3f, -0.5f), 3);
 }
 
 static void test_orders_sun(void **state) {
     (void)state;
-    assert_orders(sun(-0.4f, -1.0f, 0.3f), 0.003);
+    assert_orders(sun(-0.4f, -1.0f, 0.3f), 3);
 }
 
 /* ------------------------------------------------- >>closed form */

@@ -863,8 +863,8 @@ static void pass_lamp(void (*build)(check_world *), scatter_vec3 eye) {
     for (i = 0; i < CHECK_COUNT(distances); i++) {
         scatter_vec3 past = w.lights[0].position;
         past.y += distances[i];
-        /* the distance is a difference of coordinates: an ulp of 0.45 is 3e-8 m, of which L = I pi/d
-           feels 3e-8/d, and the eye's 2 m give the ray as much */
+        /* the distance is a difference of coordinates: an ulp of 0.45 is 3e-8 m, of which L = I
+           pi/d feels 3e-8/d, and the eye's 2 m give the ray as much */
         assert_at_most(ray_error(&w, ray_through(eye, past), 64), 1e-4 + 3e-7 / distances[i]);
     }
 }
