@@ -1480,8 +1480,10 @@ static float scatteri_gaussian_depth(scatter_gaussian g, const scatteri_segment 
     const double m = x * s->direction[0] + y * s->direction[1] + z * s->direction[2];
     const double px = x - m * s->direction[0], py = y - m * s->direction[1], pz = z - m * s->direction[2];
     const float e = scatteri_exp((float)-scatteri_smaller(a * a * (px * px + py * py + pz * pz), 1e4));
-    const float low = (float)scatteri_larger(scatteri_smaller(-a * m, 1e6), -1e6), high = (float)scatteri_larger(scatteri_smaller(a * (s->length - m), 1e6), -1e6);
-    return g.c * e * scatteri_erf_span(low, high, (float)scatteri_smaller(0.5 * a * s->length, 1e6)) * (0.88622693f / g.a);
+    const float low = (float)scatteri_larger(scatteri_smaller(-a * m, 1e6), -1e6);
+    const float high = (float)scatteri_larger(scatteri_smaller(a * (s->length - m), 1e6), -1e6);
+    const float half = (float)scatteri_smaller(0.5 * a * s->length, 1e6);
+    return g.c * e * scatteri_erf_span(low, high, half) * (0.88622693f / g.a);
 }
 
 /* Depth of the local terms along the segment. */
@@ -3910,7 +3912,8 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
         bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], 1.0f) : 0.0f;
 }
 
-/* A run of bins that are not empty: panels of at most SCATTERI_PANEL widths of the narrowest feature in them. */
+/* A run of bins that are not empty: panels of at most SCATTERI_PANEL widths of the narrowest feature in them, up to
+   eight panels in a bin. */
 static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins, int first, int end, int cells)
 {
     const float width = bins->width;
@@ -3925,7 +3928,7 @@ static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins
         } else {
             rate = with;
         }
-        parts = (int)scatteri_clamp(bins->rate[b] * width / SCATTERI_PANEL, 0.0f, 31.0f) + 1;
+        parts = (int)scatteri_clamp(bins->rate[b] * width / SCATTERI_PANEL, 0.0f, 7.0f) + 1;
         for (i = 0; parts > 1 && i < parts; i++)
             scatteri_add_panel(eye, l, bins->u0 + ((float)b + (float)i / (float)parts) * width,
                                bins->u0 + ((float)b + (float)(i + 1) / (float)parts) * width, cells);
