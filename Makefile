@@ -62,12 +62,12 @@ $(BUILD)/%.o: tests/%.c | $(BUILD)
 	$(COMPILE) -c $< -o $@
 
 $(BUILD)/%.o: bench/%.c | $(BUILD)
-	$(COMPILE) -c $< -o $@
+	$(COMPILE) -DBENCH_FLAGS='"$(CFLAGS)"' -c $< -o $@
 
 $(BUILD)/scatter-reference: $(BUILD)/reference_main.o $(BUILD)/reference.o
 	$(LINK) $^ -o $@ $(REFERENCE_LIBS) $(LIBS)
 
-$(BUILD)/bench: $(BUILD)/bench.o $(BUILD)/reference.o
+$(BUILD)/scatter-bench: $(BUILD)/bench.o $(BUILD)/reference.o
 	$(LINK) $^ -o $@ $(REFERENCE_LIBS) $(LIBS)
 
 # -------------------------------------------------------------------------------- unit tests
@@ -154,8 +154,8 @@ test:
 
 bench:
 	$(SETUP) bench
-	$(MAKE) --no-print-directory $(BUILD)/bench
-	$(BUILD)/bench
+	$(MAKE) --no-print-directory $(BUILD)/scatter-bench
+	$(BUILD)/scatter-bench
 
 glsl: $(BUILD)/glsl
 	$< scatter.h scatter_gl.h

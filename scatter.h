@@ -331,7 +331,8 @@ SCATTER_API scatter_vec3 scatter_v3(float x, float y, float z);
 SCATTER_API float scatter_density(const scatter_medium *medium, scatter_vec3 x);
 
 /* Optical depth tau between p and q, m (times density): the exact integral of D, closed form for constant,
-   height fog and Gaussians, cell by cell for grids. Relative error below 1e-5; see docs/accuracy.md.
+   height fog and Gaussians, cell by cell for grids. Relative error below 1e-5; on a grid of n voxels along an axis
+   up to n 1e-7 of a voxel's change more, because voxel coordinates are floats.
    O(terms + voxels on the segment). */
 SCATTER_API float scatter_optical_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q);
 
