@@ -550,6 +550,17 @@ SCATTERI_FN float scatteri_floor(float x) {
     return t - scatteri_choose(x, t, 1.0f, 0.0f);
 }
 
+/* e^f for |f| <= log(2)/2. */
+SCATTERI_FN float scatteri_exp_near_0(float f) {
+    float p = 0.001392618359f;
+    p = p * f + 0.008363179053f;
+    p = p * f + 0.04166655462f;
+    p = p * f + 0.1666657699f;
+    p = p * f + 0.5f;
+    p = (p * f * f + f) + 1.0f;
+    return p;
+}
+
 /* e^x = 2^n e^f with |f| <= log(2)/2. Error 1e-7; 0 below x = -87.336, 2.4e38 above x = 88.37.
    The bits of x/log(2) + 1.5 2^23 hold n; it is read from there, not from the sum, which x87 keeps
    unrounded. */
@@ -558,13 +569,7 @@ SCATTERI_FN float scatteri_exp(float x) {
     unsigned b = scatteri_bits(y * 1.44269504f + 12582912.0f);
     float n = (float)(int)(b - 0x4B400000u);
     float f = (y - n * 0.693359375f) + n * 2.12194440e-4f;
-    float p = 0.001392618359f;
-    p = p * f + 0.008363179053f;
-    p = p * f + 0.04166655462f;
-    p = p * f + 0.1666657699f;
-    p = p * f + 0.5f;
-    p = (p * f * f + f) + 1.0f;
-    return p * scatteri_from_bits((b + 127u) << 23);
+    return scatteri_exp_near_0(f) * scatteri_from_bits((b + 127u) << 23);
 }
 
 /* e^-x for x >= 0, without the care for other x: error 1e-7 up to 87, then 1.7e-38 instead of 0. */
@@ -573,13 +578,7 @@ SCATTERI_FN float scatteri_decay(float x) {
     unsigned b = scatteri_bits(y * -1.44269504f + 12582912.0f);
     float n = (float)(int)(b - 0x4B400000u);
     float f = n * 2.12194440e-4f - (y + n * 0.693359375f);
-    float p = 0.001392618359f;
-    p = p * f + 0.008363179053f;
-    p = p * f + 0.04166655462f;
-    p = p * f + 0.1666657699f;
-    p = p * f + 0.5f;
-    p = (p * f * f + f) + 1.0f;
-    return p * scatteri_from_bits((b + 127u) << 23);
+    return scatteri_exp_near_0(f) * scatteri_from_bits((b + 127u) << 23);
 }
 
 /* 1/sqrt(x) for 1.2e-38 <= x <= 3.4e38, error 1.5e-7; finite at 0. */
@@ -1019,7 +1018,8 @@ SCATTERI_FN float scatteri_spot(float cos_inner, float cos_outer, float c) {
 /* -------------------------------------------------------------------------------------------- >>log */
 
 /* Every refusal passes through here: set a breakpoint. */
-static scatter_result scatteri_fail(const scatter_host *host, scatter_result result, const char *format, ...)
+static scatter_result scatteri_fail(const scatter_host *host, scatter_result result,
+                                    const char *format, ...)
 {
     char sentence[256];
     va_list arguments;
@@ -1062,8 +1062,8 @@ typedef struct scatteri_buffer {
     size_t bytes;
 } scatteri_buffer;
 
-static scatter_result scatteri_reserve(const scatter_host *host, scatteri_buffer *buffer, size_t bytes,
-                                       const char *purpose)
+static scatter_result scatteri_reserve(const scatter_host *host, scatteri_buffer *buffer,
+                                       size_t bytes, const char *purpose)
 {
     void *data;
     if (bytes <= buffer->bytes)
@@ -1114,7 +1114,8 @@ static void scatteri_do_task(void *data, int index)
 }
 
 /* All tasks; in chunks, so that progress can be told and the host can cancel, if it asked for that. */
-static scatter_result scatteri_parallel(const scatteri_stage *stage, int count, void (*task)(void *, int), void *data)
+static scatter_result scatteri_parallel(const scatteri_stage *stage, int count,
+                                        void (*task)(void *, int), void *data)
 {
     const scatter_host *host = stage->host;
     const int step = host->progress != NULL ? (count - 1) / SCATTERI_CHUNKS + 1 : count;
@@ -1124,7 +1125,8 @@ static scatter_result scatteri_parallel(const scatteri_stage *stage, int count, 
     chunk.data = data;
     for (chunk.first = 0; chunk.first < count; chunk.first += step) {
         const int some = count - chunk.first < step ? count - chunk.first : step;
-        const float fraction = stage->low + (stage->high - stage->low) * (float)chunk.first / (float)count;
+        const float fraction =
+            stage->low + (stage->high - stage->low) * (float)chunk.first / (float)count;
         if (host->progress != NULL && host->progress(host->user, fraction) != 0)
             return scatteri_fail(host, SCATTER_CANCELLED, "host.progress cancelled");
         if (host->parallel_for != NULL)
@@ -1147,7 +1149,8 @@ static float scatteri_get(scatter_vec3 v, int axis)
 }
 
 /* Part of the ray origin + t direction inside the box: shrinks [*t0, *t1]; 0 if nothing is left. */
-static int scatteri_clip(scatter_box box, scatter_vec3 origin, scatter_vec3 direction, float *t0, float *t1)
+static int scatteri_clip(scatter_box box, scatter_vec3 origin, scatter_vec3 direction, float *t0,
+                         float *t1)
 {
     int axis;
     for (axis = 0; axis < 3; axis++) {
@@ -1168,8 +1171,8 @@ static int scatteri_clip(scatter_box box, scatter_vec3 origin, scatter_vec3 dire
 
 static int scatteri_inside(scatter_box box, scatter_vec3 x)
 {
-    return x.x >= box.min.x && x.x <= box.max.x && x.y >= box.min.y && x.y <= box.max.y && x.z >= box.min.z &&
-           x.z <= box.max.z;
+    return x.x >= box.min.x && x.x <= box.max.x && x.y >= box.min.y && x.y <= box.max.y &&
+           x.z >= box.min.z && x.z <= box.max.z;
 }
 
 static scatter_vec3 scatteri_along(scatter_vec3 origin, scatter_vec3 direction, float t)
@@ -1184,7 +1187,7 @@ typedef struct scatteri_field {
     scatter_grid grid;
     scatter_vec3 per_metre; /* voxels per metre */
     float scale;
-    unsigned char *bricks;  /* NULL: no mask */
+    unsigned char *bricks; /* NULL: no mask */
     int bx, by, bz;
 } scatteri_field;
 
@@ -1322,7 +1325,8 @@ static float scatteri_field_depth(const scatteri_field *field, scatteri_segment 
 {
     const double gauss = 0.21132486540518712; /* (1 - 1/sqrt 3) / 2 */
     const scatter_grid *grid = &field->grid;
-    const double per[3] = {(double)field->per_metre.x, (double)field->per_metre.y, (double)field->per_metre.z};
+    const double per[3] = {(double)field->per_metre.x, (double)field->per_metre.y,
+                           (double)field->per_metre.z};
     const int n[3] = {grid->nx, grid->ny, grid->nz};
     double g[3], dg[3], sum = 0.0, t = 0.0;
     int i;
@@ -1339,9 +1343,11 @@ static float scatteri_field_depth(const scatteri_field *field, scatteri_segment 
         a = t + gauss * (next - t);
         b = next - gauss * (next - t);
         sum += 0.5 * (next - t) *
-               ((double)scatteri_voxels_at(grid, scatteri_v3((float)(g[0] + a * dg[0]), (float)(g[1] + a * dg[1]),
+               ((double)scatteri_voxels_at(grid, scatteri_v3((float)(g[0] + a * dg[0]),
+                                                             (float)(g[1] + a * dg[1]),
                                                              (float)(g[2] + a * dg[2]))) +
-                (double)scatteri_voxels_at(grid, scatteri_v3((float)(g[0] + b * dg[0]), (float)(g[1] + b * dg[1]),
+                (double)scatteri_voxels_at(grid, scatteri_v3((float)(g[0] + b * dg[0]),
+                                                             (float)(g[1] + b * dg[1]),
                                                              (float)(g[2] + b * dg[2]))));
         t = next > t ? next : s.length;
     }
@@ -1358,15 +1364,18 @@ static scatter_box scatteri_box_from(scatter_box box, scatter_vec3 ref)
 
 /* Adds the field at 16 points, coordinates relative to `ref`. */
 SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, scatter_vec3 ref,
-                                             const float *SCATTERI_RESTRICT x, const float *SCATTERI_RESTRICT y,
-                                             const float *SCATTERI_RESTRICT z, float *SCATTERI_RESTRICT density)
+                                             const float *SCATTERI_RESTRICT x,
+                                             const float *SCATTERI_RESTRICT y,
+                                             const float *SCATTERI_RESTRICT z,
+                                             float *SCATTERI_RESTRICT density)
 {
     const scatter_box box = scatteri_box_from(field->grid.box, ref);
     const scatter_vec3 per = field->per_metre;
     const float *voxels = field->grid.density;
     const int nx = field->grid.nx, ny = field->grid.ny, nz = field->grid.nz, slice = nx * ny;
     const float mx = (float)(nx - 1), my = (float)(ny - 1), mz = (float)(nz - 1);
-    int base[SCATTERI_LANES], step_x[SCATTERI_LANES], step_y[SCATTERI_LANES], step_z[SCATTERI_LANES], l;
+    int base[SCATTERI_LANES], step_x[SCATTERI_LANES], step_y[SCATTERI_LANES],
+        step_z[SCATTERI_LANES], l;
     float fx[SCATTERI_LANES], fy[SCATTERI_LANES], fz[SCATTERI_LANES], scale[SCATTERI_LANES];
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float gx = scatteri_clamp((x[l] - box.min.x) * per.x - 0.5f, 0.0f, mx);
@@ -1386,8 +1395,9 @@ SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, scatte
     }
     for (l = 0; l < SCATTERI_LANES; l++) {
         const int b = base[l], sx = step_x[l], sy = step_y[l], sz = step_z[l];
-        density[l] += scale[l] * scatteri_trilinear(voxels[b], voxels[b + sx], voxels[b + sy], voxels[b + sy + sx],
-                                                    voxels[b + sz], voxels[b + sz + sx], voxels[b + sz + sy],
+        density[l] += scale[l] * scatteri_trilinear(voxels[b], voxels[b + sx], voxels[b + sy],
+                                                    voxels[b + sy + sx], voxels[b + sz],
+                                                    voxels[b + sz + sx], voxels[b + sz + sy],
                                                     voxels[b + sz + sy + sx], fx[l], fy[l], fz[l]);
     }
 }
@@ -1407,9 +1417,12 @@ static void scatteri_mark_bricks(scatteri_field *field)
                 for (dk = -1; dk <= 1; dk++)
                     for (dj = -1; dj <= 1; dj++)
                         for (di = -1; di <= 1; di++) {
-                            const int b = scatteri_clamp_int(i + di, 0, grid->nx - 1) / SCATTERI_BRICK;
-                            const int c = scatteri_clamp_int(j + dj, 0, grid->ny - 1) / SCATTERI_BRICK;
-                            const int d = scatteri_clamp_int(k + dk, 0, grid->nz - 1) / SCATTERI_BRICK;
+                            const int b =
+                                scatteri_clamp_int(i + di, 0, grid->nx - 1) / SCATTERI_BRICK;
+                            const int c =
+                                scatteri_clamp_int(j + dj, 0, grid->ny - 1) / SCATTERI_BRICK;
+                            const int d =
+                                scatteri_clamp_int(k + dk, 0, grid->nz - 1) / SCATTERI_BRICK;
                             field->bricks[(d * field->by + c) * field->bx + b] = 1;
                         }
             }
@@ -1417,13 +1430,15 @@ static void scatteri_mark_bricks(scatteri_field *field)
 
 static int scatteri_brick_of(float voxel, int count)
 {
-    return scatteri_clamp_int((int)scatteri_clamp(voxel, 0.0f, 1e9f) / SCATTERI_BRICK, 0, count - 1);
+    return scatteri_clamp_int((int)scatteri_clamp(voxel, 0.0f, 1e9f) / SCATTERI_BRICK, 0,
+                              count - 1);
 }
 
 /* 0 if the field is certainly 0 on the segment p..q: looks at the bricks of the segment's bounding box. */
 static int scatteri_may_be_filled(const scatteri_field *field, scatter_vec3 p, scatter_vec3 q)
 {
-    const scatter_vec3 a = scatteri_voxel_coordinates(field, p), b = scatteri_voxel_coordinates(field, q);
+    const scatter_vec3 a = scatteri_voxel_coordinates(field, p),
+                       b = scatteri_voxel_coordinates(field, q);
     const int i0 = scatteri_brick_of(a.x < b.x ? a.x : b.x, field->bx);
     const int i1 = scatteri_brick_of((a.x < b.x ? b.x : a.x) + 1.0f, field->bx);
     const int j0 = scatteri_brick_of(a.y < b.y ? a.y : b.y, field->by);
@@ -1479,8 +1494,10 @@ static float scatteri_gaussian_depth(scatter_gaussian g, const scatteri_segment 
     const double x = (double)g.center.x - s->origin[0], y = (double)g.center.y - s->origin[1];
     const double z = (double)g.center.z - s->origin[2], a = (double)g.a;
     const double m = x * s->direction[0] + y * s->direction[1] + z * s->direction[2];
-    const double px = x - m * s->direction[0], py = y - m * s->direction[1], pz = z - m * s->direction[2];
-    const float e = scatteri_exp((float)-scatteri_smaller(a * a * (px * px + py * py + pz * pz), 1e4));
+    const double px = x - m * s->direction[0], py = y - m * s->direction[1],
+                 pz = z - m * s->direction[2];
+    const float e =
+        scatteri_exp((float)-scatteri_smaller(a * a * (px * px + py * py + pz * pz), 1e4));
     const float low = (float)scatteri_larger(scatteri_smaller(-a * m, 1e6), -1e6);
     const float high = (float)scatteri_larger(scatteri_smaller(a * (s->length - m), 1e6), -1e6);
     const float half = (float)scatteri_smaller(0.5 * a * s->length, 1e6);
@@ -1501,7 +1518,8 @@ static float scatteri_local_depth(const scatter_medium *medium, const scatteri_s
     return depth;
 }
 
-static int scatteri_bounded(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 direction, float *t0, float *t1)
+static int scatteri_bounded(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 direction,
+                            float *t0, float *t1)
 {
     return !medium->bounded || scatteri_clip(medium->bounds, p, direction, t0, t1);
 }
@@ -1524,12 +1542,14 @@ SCATTER_API float scatter_density(const scatter_medium *medium, scatter_vec3 x)
     return density;
 }
 
-SCATTER_API float scatter_optical_depth(const scatter_medium *medium, scatter_vec3 p, scatter_vec3 q)
+SCATTER_API float scatter_optical_depth(const scatter_medium *medium, scatter_vec3 p,
+                                        scatter_vec3 q)
 {
     scatteri_segment s = scatteri_segment_between(p, q);
     if (!(s.length > 0.0) || (medium->bounded && !scatteri_cut_segment(&s, medium->bounds)))
         return 0.0f;
-    return scatteri_analytic_depth(medium, (float)s.origin[1], (float)s.direction[1], (float)s.length) +
+    return scatteri_analytic_depth(medium, (float)s.origin[1], (float)s.direction[1],
+                                   (float)s.length) +
            scatteri_local_depth(medium, &s);
 }
 
@@ -1542,13 +1562,13 @@ typedef struct scatteri_gaussians {
 } scatteri_gaussians;
 
 typedef struct scatteri_medium {
-    scatter_medium desc;          /* arrays point into `memory`, voxels to the host's */
+    scatter_medium desc; /* arrays point into `memory`, voxels to the host's */
     scatteri_gaussians gaussians;
-    scatteri_field *fields;       /* one for each grid */
+    scatteri_field *fields; /* one for each grid */
     scatteri_lobes lobes;
-    scatter_box local;            /* outside, the local terms are 0 */
+    scatter_box local; /* outside, the local terms are 0 */
     int has_local, has_analytic, gray;
-    float sigma_least;            /* of the channels with extinction; 0 if none has */
+    float sigma_least; /* of the channels with extinction; 0 if none has */
     float sigma_most;
     scatteri_buffer memory, bricks;
 } scatteri_medium;
@@ -1603,17 +1623,20 @@ static void scatteri_find_local(scatteri_medium *medium)
         const float r = scatteri_sqrt(scatteri_reach(g)) / g.a;
         const scatter_vec3 reach = {r, r, r};
         if (g.c > 0.0f)
-            scatteri_grow(&medium->local, scatteri_sub(g.center, reach), scatteri_add(g.center, reach));
+            scatteri_grow(&medium->local, scatteri_sub(g.center, reach),
+                          scatteri_add(g.center, reach));
     }
     for (i = 0; i < desc->grid_count; i++)
         scatteri_grow(&medium->local, desc->grids[i].box.min, desc->grids[i].box.max);
     if (desc->bounded)
         scatteri_shrink(&medium->local, desc->bounds);
-    medium->has_local = medium->local.min.x < medium->local.max.x && medium->local.min.y < medium->local.max.y &&
+    medium->has_local = medium->local.min.x < medium->local.max.x &&
+                        medium->local.min.y < medium->local.max.y &&
                         medium->local.min.z < medium->local.max.z;
 }
 
-static void scatteri_fill_gaussians(scatteri_gaussians *out, const scatter_gaussian *in, float *memory)
+static void scatteri_fill_gaussians(scatteri_gaussians *out, const scatter_gaussian *in,
+                                    float *memory)
 {
     const size_t n = (size_t)out->padded;
     int i;
@@ -1657,7 +1680,8 @@ static scatter_result scatteri_prepare_fields(const scatter_host *host, scatteri
     unsigned char *mask;
     for (i = 0; i < medium->desc.grid_count; i++) {
         medium->fields[i] = scatteri_field_of(&medium->desc.grids[i]);
-        bytes += (size_t)medium->fields[i].bx * (size_t)medium->fields[i].by * (size_t)medium->fields[i].bz;
+        bytes += (size_t)medium->fields[i].bx * (size_t)medium->fields[i].by *
+                 (size_t)medium->fields[i].bz;
     }
     result = scatteri_reserve(host, &medium->bricks, bytes, "the mask of empty voxels");
     if (result != SCATTER_OK)
@@ -1666,23 +1690,26 @@ static scatter_result scatteri_prepare_fields(const scatter_host *host, scatteri
     for (i = 0; i < medium->desc.grid_count; i++) {
         medium->fields[i].bricks = mask;
         scatteri_mark_bricks(&medium->fields[i]);
-        mask += (size_t)medium->fields[i].bx * (size_t)medium->fields[i].by * (size_t)medium->fields[i].bz;
+        mask += (size_t)medium->fields[i].bx * (size_t)medium->fields[i].by *
+                (size_t)medium->fields[i].bz;
     }
     return SCATTER_OK;
 }
 
 /* Copies the description and prepares it. */
-static scatter_result scatteri_prepare(const scatter_host *host, scatteri_medium *medium, const scatter_medium *desc)
+static scatter_result scatteri_prepare(const scatter_host *host, scatteri_medium *medium,
+                                       const scatter_medium *desc)
 {
-    const size_t padded = (desc->gaussian_count + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
+    const size_t padded =
+        (desc->gaussian_count + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
     const size_t gaussians = desc->gaussian_count * sizeof(scatter_gaussian);
     const size_t heights = desc->height_count * sizeof(scatter_height);
     const size_t grids = desc->grid_count * sizeof(scatter_grid);
     const size_t fields = desc->grid_count * sizeof(scatteri_field);
     const size_t arrays = padded * 6 * sizeof(float);
-    const scatter_result result =
-        scatteri_reserve(host, &medium->memory, fields + grids + gaussians + heights + arrays + sizeof(float),
-                         "the medium");
+    const scatter_result result = scatteri_reserve(
+        host, &medium->memory, fields + grids + gaussians + heights + arrays + sizeof(float),
+        "the medium");
     char *memory = (char *)medium->memory.data;
     if (result != SCATTER_OK)
         return result;
@@ -1695,7 +1722,8 @@ static scatter_result scatteri_prepare(const scatter_host *host, scatteri_medium
         medium->desc.grids = (const scatter_grid *)memcpy(memory, desc->grids, grids);
     memory += grids;
     if (gaussians > 0)
-        medium->desc.gaussians = (const scatter_gaussian *)memcpy(memory, desc->gaussians, gaussians);
+        medium->desc.gaussians =
+            (const scatter_gaussian *)memcpy(memory, desc->gaussians, gaussians);
     memory += gaussians;
     if (heights > 0)
         medium->desc.heights = (const scatter_height *)memcpy(memory, desc->heights, heights);
@@ -1773,7 +1801,8 @@ static void scatteri_overlap(float x, float r, float low, float cell, int n, int
 }
 
 /* The Gaussian is a product of one factor for each axis: an exponential for each row, not for each cell. */
-SCATTERI_HOT static void scatteri_splat(const scatteri_injection *job, scatter_gaussian g, int z0, int z1)
+SCATTERI_HOT static void scatteri_splat(const scatteri_injection *job, scatter_gaussian g, int z0,
+                                        int z1)
 {
     const scatter_volume *v = &job->volume;
     const float r = scatteri_sqrt(scatteri_reach(g)) / g.a, a2 = g.a * g.a;
@@ -1787,7 +1816,8 @@ SCATTERI_HOT static void scatteri_splat(const scatteri_injection *job, scatter_g
     for (start = i0; k0 < k1 && start < i1; start += SCATTERI_ROW) {
         const int count = i1 - start < SCATTERI_ROW ? i1 - start : SCATTERI_ROW;
         for (i = 0; i < count; i++) {
-            const float dx = scatteri_cell_center(v->box.min.x, job->cell.x, start + i) - g.center.x;
+            const float dx =
+                scatteri_cell_center(v->box.min.x, job->cell.x, start + i) - g.center.x;
             factor[i] = scatteri_exp(-a2 * dx * dx);
         }
         for (k = k0; k < k1; k++)
@@ -1795,7 +1825,8 @@ SCATTERI_HOT static void scatteri_splat(const scatteri_injection *job, scatter_g
                 const float dy = scatteri_cell_center(v->box.min.y, job->cell.y, j) - g.center.y;
                 const float dz = scatteri_cell_center(v->box.min.z, job->cell.z, k) - g.center.z;
                 const float yz = g.c * scatteri_exp(-a2 * (dy * dy + dz * dz));
-                float *row = v->values + ((size_t)k * (size_t)v->ny + (size_t)j) * (size_t)v->nx + start;
+                float *row =
+                    v->values + ((size_t)k * (size_t)v->ny + (size_t)j) * (size_t)v->nx + start;
                 for (i = 0; i < count; i++)
                     row[i] += yz * factor[i];
             }
@@ -1838,7 +1869,8 @@ static void scatteri_inject_slab(void *data, int slab)
 {
     const scatteri_injection *job = (const scatteri_injection *)data;
     const scatter_volume *v = &job->volume;
-    const int z0 = (int)((int64_t)v->nz * slab / job->slabs), z1 = (int)((int64_t)v->nz * (slab + 1) / job->slabs);
+    const int z0 = (int)((int64_t)v->nz * slab / job->slabs),
+              z1 = (int)((int64_t)v->nz * (slab + 1) / job->slabs);
     const size_t nx = (size_t)v->nx, ny = (size_t)v->ny;
     size_t g;
     int j, k;
@@ -1935,8 +1967,8 @@ SCATTERI_HOT static void scatteri_hold_rays(scatteri_slabs *slabs, const scatter
 }
 
 /* Which of 16 Gaussians reach the box. */
-SCATTERI_FN int scatteri_near_slabs(const scatteri_gaussians *g, const scatteri_slabs *slabs, int first,
-                                    int *SCATTERI_RESTRICT keep)
+SCATTERI_FN int scatteri_near_slabs(const scatteri_gaussians *g, const scatteri_slabs *slabs,
+                                    int first, int *SCATTERI_RESTRICT keep)
 {
     float worst[SCATTERI_LANES];
     int i, l, any = 0;
@@ -1963,27 +1995,33 @@ typedef struct scatteri_page {
     int next;     /* the first Gaussian that was not looked at */
     int complete; /* all that reach the rays are here */
     float a[SCATTERI_PAGE], c[SCATTERI_PAGE], reach[SCATTERI_PAGE];
-    float scale[SCATTERI_PAGE];                  /* c sqrt(pi)/(2a) */
+    float scale[SCATTERI_PAGE]; /* c sqrt(pi)/(2a) */
     float m[SCATTERI_PAGE][SCATTERI_LANES];
-    float fade[SCATTERI_PAGE][SCATTERI_LANES];   /* a^2 h^2 */
-    float before[SCATTERI_PAGE][SCATTERI_LANES]; /* depth from t0 to t is before + scale q for t < m, */
-    float behind[SCATTERI_PAGE][SCATTERI_LANES]; /* behind - scale q else; q = erfc(a|t - m|) exp(-a^2 h^2) */
+    float fade[SCATTERI_PAGE][SCATTERI_LANES]; /* a^2 h^2 */
+    float before[SCATTERI_PAGE]
+                [SCATTERI_LANES]; /* depth from t0 to t is before + scale q for t < m, */
+    float behind[SCATTERI_PAGE]
+                [SCATTERI_LANES]; /* behind - scale q else; q = erfc(a|t - m|) exp(-a^2 h^2) */
 } scatteri_page;
 
 /* Puts Gaussian number `from` at the end of the page if it reaches a ray. */
-SCATTERI_FN void scatteri_add_to_page(const scatteri_gaussians *g, int from, const scatteri_rays *rays,
-                                      scatteri_page *page)
+SCATTERI_FN void scatteri_add_to_page(const scatteri_gaussians *g, int from,
+                                      const scatteri_rays *rays, scatteri_page *page)
 {
-    const float x = g->x[from] - rays->ref.x, y = g->y[from] - rays->ref.y, z = g->z[from] - rays->ref.z;
+    const float x = g->x[from] - rays->ref.x, y = g->y[from] - rays->ref.y,
+                z = g->z[from] - rays->ref.z;
     const float a = g->a[from], reach = g->reach[from], scale = g->c[from] * 0.886226925f / a;
     const int i = page->count;
-    float *m = page->m[i], *fade = page->fade[i], *before = page->before[i], *behind = page->behind[i];
+    float *m = page->m[i], *fade = page->fade[i], *before = page->before[i],
+          *behind = page->behind[i];
     int l, any = 0;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float px = x - rays->ox[l], py = y - rays->oy[l], pz = z - rays->oz[l];
         const float along = px * rays->dx[l] + py * rays->dy[l] + pz * rays->dz[l];
-        const float hx = px - along * rays->dx[l], hy = py - along * rays->dy[l], hz = pz - along * rays->dz[l];
-        const float past = scatteri_max(scatteri_max(rays->t0[l] - along, along - rays->t1[l]), 0.0f);
+        const float hx = px - along * rays->dx[l], hy = py - along * rays->dy[l],
+                    hz = pz - along * rays->dz[l];
+        const float past =
+            scatteri_max(scatteri_max(rays->t0[l] - along, along - rays->t1[l]), 0.0f);
         m[l] = along;
         fade[l] = a * a * (hx * hx + hy * hy + hz * hz);
         any |= (fade[l] + a * a * past * past < reach) & (rays->t0[l] < rays->t1[l]);
@@ -2005,12 +2043,14 @@ SCATTERI_FN void scatteri_add_to_page(const scatteri_gaussians *g, int from, con
 
 /* Fills the page with Gaussians that reach the rays, from number `first` on. */
 SCATTERI_HOT static void scatteri_gather(const scatteri_gaussians *g, const scatteri_rays *rays,
-                                         const scatteri_slabs *slabs, int first, scatteri_page *page)
+                                         const scatteri_slabs *slabs, int first,
+                                         scatteri_page *page)
 {
     const int from_start = first == 0;
     int keep[SCATTERI_LANES], l;
     page->count = 0;
-    for (; first < g->padded && page->count <= SCATTERI_PAGE - SCATTERI_LANES; first += SCATTERI_LANES) {
+    for (; first < g->padded && page->count <= SCATTERI_PAGE - SCATTERI_LANES;
+         first += SCATTERI_LANES) {
         if (!scatteri_near_slabs(g, slabs, first, keep))
             continue;
         for (l = 0; l < SCATTERI_LANES; l++)
@@ -2040,8 +2080,10 @@ static scatteri_slabs scatteri_slabs_of_rays(const scatteri_rays *rays)
 
 /* Adds density and depth (from t0) of the page at `count` points, point i on ray i % 16 at t[i] >= t0. The exponential
    of the density is also that of the erfc in the depth, so both cost one. */
-SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count, const float *SCATTERI_RESTRICT t,
-                                           float *SCATTERI_RESTRICT density, float *SCATTERI_RESTRICT depth)
+SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count,
+                                           const float *SCATTERI_RESTRICT t,
+                                           float *SCATTERI_RESTRICT density,
+                                           float *SCATTERI_RESTRICT depth)
 {
     int first, g, l;
     for (first = 0; first < count; first += SCATTERI_LANES) {
@@ -2053,7 +2095,8 @@ SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count,
         }
         for (g = 0; g < page->count; g++) {
             const float a = page->a[g], c = page->c[g], scale = page->scale[g];
-            const float *m = page->m[g], *fade = page->fade[g], *before = page->before[g], *behind = page->behind[g];
+            const float *m = page->m[g], *fade = page->fade[g], *before = page->before[g],
+                        *behind = page->behind[g];
             for (l = 0; l < SCATTERI_LANES; l++) {
                 const float x = a * (at[l] - m[l]);
                 const float e = scatteri_decay(fade[l] + x * x);
@@ -2070,8 +2113,9 @@ SCATTERI_HOT static void scatteri_add_page(const scatteri_page *page, int count,
 }
 
 /* All Gaussians at the points; gathers page after page if one does not hold them all. */
-static void scatteri_add_gaussians(const scatteri_gaussians *g, const scatteri_rays *rays, scatteri_page *page,
-                                   int count, const float *t, float *density, float *depth)
+static void scatteri_add_gaussians(const scatteri_gaussians *g, const scatteri_rays *rays,
+                                   scatteri_page *page, int count, const float *t, float *density,
+                                   float *depth)
 {
     scatteri_slabs slabs;
     if (page->complete) {
@@ -2088,9 +2132,11 @@ static void scatteri_add_gaussians(const scatteri_gaussians *g, const scatteri_r
 }
 
 /* Adds the field at points, coordinates relative to `ref`. */
-SCATTERI_HOT static void scatteri_add_field(const scatteri_field *field, scatter_vec3 ref, int count,
-                                            const float *SCATTERI_RESTRICT x, const float *SCATTERI_RESTRICT y,
-                                            const float *SCATTERI_RESTRICT z, float *SCATTERI_RESTRICT density)
+SCATTERI_HOT static void scatteri_add_field(const scatteri_field *field, scatter_vec3 ref,
+                                            int count, const float *SCATTERI_RESTRICT x,
+                                            const float *SCATTERI_RESTRICT y,
+                                            const float *SCATTERI_RESTRICT z,
+                                            float *SCATTERI_RESTRICT density)
 {
     int first;
     for (first = 0; first < count; first += SCATTERI_LANES)
@@ -2104,29 +2150,32 @@ SCATTERI_HOT static void scatteri_add_field(const scatteri_field *field, scatter
 
 struct scatter_depth {
     scatter_host host;
-    const scatteri_medium *medium;  /* `own` or the context's */
+    const scatteri_medium *medium; /* `own` or the context's */
     scatteri_medium own;
-    scatter_source source;          /* direction of unit length */
+    scatter_source source; /* direction of unit length */
     scatter_depth_method method;
     int ready;
     scatteri_buffer memory;
-    float *values;                  /* mean density tau/r of a local source, tau of a directional one */
-    int nx, ny, nz;                 /* cells; polar: directions, directions, radii */
+    float *values;  /* mean density tau/r of a local source, tau of a directional one */
+    int nx, ny, nz; /* cells; polar: directions, directions, radii */
     scatter_box box;
     scatter_vec3 cell;
-    const scatteri_field *injected; /* of the same cells, for methods that read density from a volume */
+    const scatteri_field
+        *injected; /* of the same cells, for methods that read density from a volume */
     scatteri_field own_injected;
     scatteri_buffer own_memory;
-    scatter_vec3 axis_u, axis_v, axis_w; /* polar: frame of the directions or of the parallel columns */
-    float low_u, low_v, step_u, step_v;  /* first column and distance of columns */
-    float low_r, step_r;                 /* first shell and distance of shells */
+    scatter_vec3 axis_u, axis_v,
+        axis_w; /* polar: frame of the directions or of the parallel columns */
+    float low_u, low_v, step_u, step_v; /* first column and distance of columns */
+    float low_r, step_r;                /* first shell and distance of shells */
 };
 
 /* Points, and where their source is seen from them. */
 typedef struct scatteri_points {
     scatter_vec3 ref;
     float x[SCATTERI_POINTS], y[SCATTERI_POINTS], z[SCATTERI_POINTS]; /* relative to `ref` */
-    float dx[SCATTERI_POINTS], dy[SCATTERI_POINTS], dz[SCATTERI_POINTS]; /* unit, towards the source */
+    float dx[SCATTERI_POINTS], dy[SCATTERI_POINTS],
+        dz[SCATTERI_POINTS];         /* unit, towards the source */
     float distance[SCATTERI_POINTS]; /* of the source; SCATTERI_FAR if directional */
     float length[SCATTERI_POINTS];   /* of the segment inside the bounds */
 } scatteri_points;
@@ -2143,7 +2192,8 @@ SCATTERI_FN float scatteri_exit(float x, float d, float low, float high)
 }
 
 /* Fills dx..length from x, y, z. */
-SCATTERI_HOT static void scatteri_face_source(const scatter_source *source, const scatter_medium *medium, int count,
+SCATTERI_HOT static void scatteri_face_source(const scatter_source *source,
+                                              const scatter_medium *medium, int count,
                                               scatteri_points *p)
 {
     const scatter_vec3 s = scatteri_sub(source->position, p->ref), w = source->direction;
@@ -2177,8 +2227,8 @@ SCATTERI_HOT static void scatteri_face_source(const scatter_source *source, cons
 
 typedef struct scatteri_shadows {
     const scatteri_medium *medium;
-    scatteri_slabs slabs;      /* hold the segments */
-    int count, next, complete; /* as in scatteri_page */
+    scatteri_slabs slabs;                                       /* hold the segments */
+    int count, next, complete;                                  /* as in scatteri_page */
     float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre, relative to slabs.ref */
     float a[SCATTERI_PAGE], scale[SCATTERI_PAGE];               /* scale: c sqrt(pi)/(2a) */
     int inside[SCATTERI_PAGE]; /* segments can end inside the Gaussian's support */
@@ -2194,12 +2244,15 @@ static scatter_vec3 scatteri_unit_or_zero(scatter_vec3 v)
 
 /* The segments fill about a triangle (a strip, if directional): axes square to its plane, towards the source, and
    across. */
-static scatteri_slabs scatteri_slabs_to_source(const scatteri_rays *rays, const scatter_source *source)
+static scatteri_slabs scatteri_slabs_to_source(const scatteri_rays *rays,
+                                               const scatter_source *source)
 {
-    const scatter_vec3 u = scatteri_ray_direction(rays, 0), s = scatteri_sub(source->position, rays->ref);
+    const scatter_vec3 u = scatteri_ray_direction(rays, 0),
+                       s = scatteri_sub(source->position, rays->ref);
     const scatter_vec3 middle =
         scatteri_along(scatteri_ray_origin(rays, 0), u, 0.5f * (rays->t0[0] + rays->t1[0]));
-    const scatter_vec3 to = source->directional ? scatteri_scale(source->direction, -1.0f) : scatteri_sub(s, middle);
+    const scatter_vec3 to =
+        source->directional ? scatteri_scale(source->direction, -1.0f) : scatteri_sub(s, middle);
     const float away = scatteri_length(to);
     scatteri_slabs slabs;
     scatter_vec3 normal;
@@ -2235,7 +2288,8 @@ SCATTERI_HOT static void scatteri_gather_shadows(scatteri_shadows *s, int first)
     const int from_start = first == 0;
     int keep[SCATTERI_LANES], l;
     s->count = 0;
-    for (; first < g->padded && s->count <= SCATTERI_PAGE - SCATTERI_LANES; first += SCATTERI_LANES) {
+    for (; first < g->padded && s->count <= SCATTERI_PAGE - SCATTERI_LANES;
+         first += SCATTERI_LANES) {
         if (!scatteri_near_slabs(g, &s->slabs, first, keep))
             continue;
         for (l = 0; l < SCATTERI_LANES; l++) {
@@ -2256,20 +2310,22 @@ SCATTERI_HOT static void scatteri_gather_shadows(scatteri_shadows *s, int first)
 }
 
 /* Points on the rays between t0 and t1 will ask for their depth. */
-static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *medium, const scatter_source *source,
-                                   const scatteri_rays *rays)
+static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *medium,
+                                   const scatter_source *source, const scatteri_rays *rays)
 {
     s->medium = medium;
     s->slabs = scatteri_slabs_to_source(rays, source);
     s->source = scatteri_sub(source->position, rays->ref);
     s->directional = source->directional;
-    s->clipped = medium->desc.bounded && (source->directional || !scatteri_inside(medium->desc.bounds, source->position));
+    s->clipped = medium->desc.bounded &&
+                 (source->directional || !scatteri_inside(medium->desc.bounds, source->position));
     scatteri_gather_shadows(s, 0);
 }
 
 /* Where Gaussian g is closest to the segments from 16 points to the source: m along the segment, and a^2 h^2. */
-SCATTERI_FN void scatteri_shadow_foot(const scatteri_shadows *s, int g, const scatteri_points *p, int first,
-                                      float *SCATTERI_RESTRICT m, float *SCATTERI_RESTRICT fade)
+SCATTERI_FN void scatteri_shadow_foot(const scatteri_shadows *s, int g, const scatteri_points *p,
+                                      int first, float *SCATTERI_RESTRICT m,
+                                      float *SCATTERI_RESTRICT fade)
 {
     const float a = s->a[g], gx = s->x[g], gy = s->y[g], gz = s->z[g];
     const float *px = p->x + first, *py = p->y + first, *pz = p->z + first;
@@ -2286,12 +2342,14 @@ SCATTERI_FN void scatteri_shadow_foot(const scatteri_shadows *s, int g, const sc
 
 /* Depth by the difference of two erfs: error 6e-7 of the Gaussian's whole depth on that line. */
 SCATTERI_FN void scatteri_shadow_quick(float a, float scale, const float *SCATTERI_RESTRICT length,
-                                       const float *SCATTERI_RESTRICT m, const float *SCATTERI_RESTRICT fade,
+                                       const float *SCATTERI_RESTRICT m,
+                                       const float *SCATTERI_RESTRICT fade,
                                        float *SCATTERI_RESTRICT sum)
 {
     int l;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float x = scatteri_within(-a * m[l], 3.6f), y = scatteri_within(a * (length[l] - m[l]), 3.6f);
+        const float x = scatteri_within(-a * m[l], 3.6f),
+                    y = scatteri_within(a * (length[l] - m[l]), 3.6f);
         const float qx = scatteri_erf_under(x * x), qy = scatteri_erf_under(y * y);
         const float s = scatteri_erf_over(y, y * y) * qx - scatteri_erf_over(x, x * x) * qy;
         sum[l] += scale * scatteri_decay(fade[l]) * (s / (qx * qy));
@@ -2301,13 +2359,15 @@ SCATTERI_FN void scatteri_shadow_quick(float a, float scale, const float *SCATTE
 /* The same where the Gaussian has no density at the source: it lies on the segment or behind the source, and the
    second erf is 1 or does not matter. */
 SCATTERI_FN void scatteri_shadow_whole(float a, float scale, const float *SCATTERI_RESTRICT length,
-                                       const float *SCATTERI_RESTRICT m, const float *SCATTERI_RESTRICT fade,
+                                       const float *SCATTERI_RESTRICT m,
+                                       const float *SCATTERI_RESTRICT fade,
                                        float *SCATTERI_RESTRICT sum)
 {
     int l;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float x = scatteri_within(-a * m[l], 3.6f), q = scatteri_erf_under(x * x);
-        const float depth = scale * scatteri_decay(fade[l]) * ((q - scatteri_erf_over(x, x * x)) / q);
+        const float depth =
+            scale * scatteri_decay(fade[l]) * ((q - scatteri_erf_over(x, x * x)) / q);
         sum[l] += scatteri_choose(m[l], length[l], depth, 0.0f);
     }
 }
@@ -2315,7 +2375,8 @@ SCATTERI_FN void scatteri_shadow_whole(float a, float scale, const float *SCATTE
 /* Depth by erfc of both ends, each as erfcx times the density at that end: neither under- nor overflows and keeps
    its digits in the tails, where a dense Gaussian still counts. */
 SCATTERI_FN void scatteri_shadow_exact(float a, float scale, const float *SCATTERI_RESTRICT length,
-                                       const float *SCATTERI_RESTRICT m, const float *SCATTERI_RESTRICT fade,
+                                       const float *SCATTERI_RESTRICT m,
+                                       const float *SCATTERI_RESTRICT fade,
                                        float *SCATTERI_RESTRICT sum)
 {
     int l;
@@ -2330,7 +2391,8 @@ SCATTERI_FN void scatteri_shadow_exact(float a, float scale, const float *SCATTE
 }
 
 /* Adds depth of the gathered Gaussians between the points and the source. */
-SCATTERI_HOT static void scatteri_add_gathered(const scatteri_shadows *s, int count, const scatteri_points *p,
+SCATTERI_HOT static void scatteri_add_gathered(const scatteri_shadows *s, int count,
+                                               const scatteri_points *p,
                                                float *SCATTERI_RESTRICT depth)
 {
     const float sigma = s->medium->sigma_most;
@@ -2368,7 +2430,8 @@ static scatteri_segment scatteri_segment_of(const scatteri_points *p, int i)
 }
 
 /* Depth of the grids by exact traversal: slow, and exact. */
-static void scatteri_add_field_depths(const scatteri_medium *medium, int count, const scatteri_points *p, float *depth)
+static void scatteri_add_field_depths(const scatteri_medium *medium, int count,
+                                      const scatteri_points *p, float *depth)
 {
     size_t f;
     int i;
@@ -2377,7 +2440,8 @@ static void scatteri_add_field_depths(const scatteri_medium *medium, int count, 
             depth[i] += scatteri_field_depth(&medium->fields[f], scatteri_segment_of(p, i));
 }
 
-static void scatteri_add_shadows(scatteri_shadows *s, int count, const scatteri_points *p, float *depth)
+static void scatteri_add_shadows(scatteri_shadows *s, int count, const scatteri_points *p,
+                                 float *depth)
 {
     int next = 0;
     if (s->complete) {
@@ -2434,7 +2498,8 @@ static scatteri_rays scatteri_row(const scatter_depth *d, int j, int k)
     return row;
 }
 
-static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points *p, scatteri_shadows *shadows)
+static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points *p,
+                                scatteri_shadows *shadows)
 {
     const scatteri_rays row = scatteri_row(d, j, k);
     float depth[SCATTERI_POINTS];
@@ -2452,8 +2517,9 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
         scatteri_face_source(&d->source, &d->medium->desc, count, p);
         scatteri_add_shadows(shadows, count, p, depth);
         for (i = 0; i < left; i++)
-            out[i] = p->distance[i] > 0.0f ? scatteri_stored(d, scatteri_max(depth[i], 0.0f), p->distance[i])
-                                           : scatteri_local_density(d->medium, d->source.position);
+            out[i] = p->distance[i] > 0.0f
+                         ? scatteri_stored(d, scatteri_max(depth[i], 0.0f), p->distance[i])
+                         : scatteri_local_density(d->medium, d->source.position);
     }
 }
 
@@ -2468,13 +2534,14 @@ static void scatteri_closed_slice(void *data, int k)
 }
 
 /* Steps of one cell from the cell to the source through the injected density: a shadow ray for each cell. */
-SCATTERI_HOT static float scatteri_march_to(const scatter_depth *d, scatter_vec3 from, scatter_vec3 direction,
-                                            float t0, float t1)
+SCATTERI_HOT static float scatteri_march_to(const scatter_depth *d, scatter_vec3 from,
+                                            scatter_vec3 direction, float t0, float t1)
 {
     const float h = scatteri_min(d->cell.x, scatteri_min(d->cell.y, d->cell.z));
     const int steps = (int)scatteri_max((t1 - t0) / h + 0.5f, 1.0f);
     const float step = (t1 - t0) / (float)steps;
-    float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES], density[SCATTERI_LANES], sum = 0.0f;
+    float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES], density[SCATTERI_LANES],
+        sum = 0.0f;
     int first, l;
     for (first = 0; first < steps; first += SCATTERI_LANES) {
         for (l = 0; l < SCATTERI_LANES; l++) {
@@ -2500,8 +2567,9 @@ static void scatteri_march_slice(void *data, int k)
             const scatter_vec3 x = scatteri_cell(d, i, j, k);
             const scatter_vec3 to = scatteri_sub(d->source.position, x);
             const float r = d->source.directional ? SCATTERI_FAR : scatteri_length(to);
-            const scatter_vec3 direction = d->source.directional ? scatteri_scale(d->source.direction, -1.0f)
-                                                                 : scatteri_scale(to, r > 0.0f ? 1.0f / r : 0.0f);
+            const scatter_vec3 direction = d->source.directional
+                                               ? scatteri_scale(d->source.direction, -1.0f)
+                                               : scatteri_scale(to, r > 0.0f ? 1.0f / r : 0.0f);
             float t0 = 0.0f, t1 = r, depth = 0.0f;
             const size_t at = scatteri_cell_index(d, i, j, k);
             if (scatteri_clip(d->box, x, direction, &t0, &t1))
@@ -2520,7 +2588,8 @@ typedef struct scatteri_axis {
     int nearest; /* -1: the source is outside on this axis, or directional */
 } scatteri_axis;
 
-static void scatteri_order_axis(scatteri_axis *axis, int n, float low, float cell, float s, int directional, float w)
+static void scatteri_order_axis(scatteri_axis *axis, int n, float low, float cell, float s,
+                                int directional, float w)
 {
     const float at = scatteri_clamp((s - low) / cell - 0.5f, -1.0f, (float)n);
     int below, above, i;
@@ -2552,17 +2621,19 @@ static float scatteri_injected_at(const scatter_depth *d, const int *at)
 {
     if (at[0] < 0 || at[1] < 0 || at[2] < 0 || at[0] >= d->nx || at[1] >= d->ny || at[2] >= d->nz)
         return 0.0f;
-    return d->injected->scale * d->injected->grid.density[scatteri_cell_index(d, at[0], at[1], at[2])];
+    return d->injected->scale *
+           d->injected->grid.density[scatteri_cell_index(d, at[0], at[1], at[2])];
 }
 
 static float scatteri_distance(const scatter_depth *d, const int *at)
 {
-    return d->source.directional
-               ? 1.0f
-               : scatteri_length(scatteri_sub(scatteri_cell(d, at[0], at[1], at[2]), d->source.position));
+    return d->source.directional ? 1.0f
+                                 : scatteri_length(scatteri_sub(
+                                       scatteri_cell(d, at[0], at[1], at[2]), d->source.position));
 }
 
-static scatteri_cell_view scatteri_view_cell(const scatter_depth *d, const scatteri_axis *axes, int i, int j, int k)
+static scatteri_cell_view scatteri_view_cell(const scatter_depth *d, const scatteri_axis *axes,
+                                             int i, int j, int k)
 {
     scatteri_cell_view c;
     int axis;
@@ -2608,7 +2679,8 @@ static float scatteri_upwind(const scatter_depth *d, const scatteri_cell_view *c
     int axis;
     for (axis = 0; axis < 3; axis++) {
         const float w = c->back[axis] != 0
-                            ? scatteri_abs(scatteri_get(c->u, axis)) / scatteri_get(d->cell, axis) : 0.0f;
+                            ? scatteri_abs(scatteri_get(c->u, axis)) / scatteri_get(d->cell, axis)
+                            : 0.0f;
         int from[3];
         memcpy(from, c->at, sizeof from);
         from[axis] += c->back[axis];
@@ -2659,14 +2731,17 @@ static void scatteri_sweep(void *data, int task)
     const scatter_source *s = &d->source;
     int i, j, k;
     (void)task; /* there is one: each cell needs those before it */
-    scatteri_order_axis(&axes[0], d->nx, d->box.min.x, d->cell.x, s->position.x, s->directional, s->direction.x);
-    scatteri_order_axis(&axes[1], d->ny, d->box.min.y, d->cell.y, s->position.y, s->directional, s->direction.y);
-    scatteri_order_axis(&axes[2], d->nz, d->box.min.z, d->cell.z, s->position.z, s->directional, s->direction.z);
+    scatteri_order_axis(&axes[0], d->nx, d->box.min.x, d->cell.x, s->position.x, s->directional,
+                        s->direction.x);
+    scatteri_order_axis(&axes[1], d->ny, d->box.min.y, d->cell.y, s->position.y, s->directional,
+                        s->direction.y);
+    scatteri_order_axis(&axes[2], d->nz, d->box.min.z, d->cell.z, s->position.z, s->directional,
+                        s->direction.z);
     for (k = 0; k < d->nz; k++)
         for (j = 0; j < d->ny; j++)
             for (i = 0; i < d->nx; i++) {
-                const scatteri_cell_view c =
-                    scatteri_view_cell(d, axes, axes[0].order[i], axes[1].order[j], axes[2].order[k]);
+                const scatteri_cell_view c = scatteri_view_cell(d, axes, axes[0].order[i],
+                                                                axes[1].order[j], axes[2].order[k]);
                 const float depth = d->method == SCATTER_DEPTH_EQ6      ? scatteri_eq6(d, &c)
                                     : d->method == SCATTER_DEPTH_UPWIND ? scatteri_upwind(d, &c)
                                                                         : scatteri_short(d, &c);
@@ -2684,7 +2759,8 @@ static void scatteri_sweep(void *data, int task)
 
 static scatter_vec3 scatteri_corner(scatter_box b, int i)
 {
-    return scatteri_v3(i & 1 ? b.max.x : b.min.x, i & 2 ? b.max.y : b.min.y, i & 4 ? b.max.z : b.min.z);
+    return scatteri_v3(i & 1 ? b.max.x : b.min.x, i & 2 ? b.max.y : b.min.y,
+                       i & 4 ? b.max.z : b.min.z);
 }
 
 static void scatteri_polar_frame(scatter_depth *d, scatter_vec3 w)
@@ -2709,7 +2785,8 @@ static void scatteri_parallel_columns(scatter_depth *d)
     d->low_u = d->low_v = d->low_r = SCATTERI_FAR;
     for (i = 0; i < 8; i++) {
         const scatter_vec3 x = scatteri_corner(d->box, i);
-        const float u = scatteri_dot(x, d->axis_u), v = scatteri_dot(x, d->axis_v), r = scatteri_dot(x, d->axis_w);
+        const float u = scatteri_dot(x, d->axis_u), v = scatteri_dot(x, d->axis_v),
+                    r = scatteri_dot(x, d->axis_w);
         d->low_u = scatteri_min(d->low_u, u);
         d->low_v = scatteri_min(d->low_v, v);
         d->low_r = scatteri_min(d->low_r, r);
@@ -2734,7 +2811,8 @@ static void scatteri_polar_columns(scatter_depth *d)
     scatteri_polar_frame(d, w);
     for (i = 0; i < 8; i++) {
         const scatter_vec3 to = scatteri_sub(scatteri_corner(d->box, i), s);
-        const float along = scatteri_dot(to, w), off = scatteri_length(scatteri_sub(to, scatteri_scale(w, along)));
+        const float along = scatteri_dot(to, w),
+                    off = scatteri_length(scatteri_sub(to, scatteri_scale(w, along)));
         high_r = scatteri_max(high_r, scatteri_length(to));
         tangent = scatteri_max(tangent, along > 0.0f ? off / along : SCATTERI_FAR);
     }
@@ -2748,19 +2826,22 @@ static void scatteri_polar_columns(scatter_depth *d)
 /* Direction of column (i, j) of a local source. */
 static scatter_vec3 scatteri_column_direction(const scatter_depth *d, float u, float v)
 {
-    const scatter_vec3 o = scatteri_oct_decode(scatteri_v2(scatteri_clamp(u, -1.0f, 1.0f),
-                                                           scatteri_clamp(v, -1.0f, 1.0f)));
-    return scatteri_add(scatteri_add(scatteri_scale(d->axis_u, o.x), scatteri_scale(d->axis_v, o.y)),
-                        scatteri_scale(d->axis_w, o.z));
+    const scatter_vec3 o = scatteri_oct_decode(
+        scatteri_v2(scatteri_clamp(u, -1.0f, 1.0f), scatteri_clamp(v, -1.0f, 1.0f)));
+    return scatteri_add(
+        scatteri_add(scatteri_scale(d->axis_u, o.x), scatteri_scale(d->axis_v, o.y)),
+        scatteri_scale(d->axis_w, o.z));
 }
 
 /* Columns (i..i+15, j), t from the first shell on. */
 static void scatteri_columns(const scatter_depth *d, int i, int j, scatteri_rays *rays)
 {
-    const float v = d->low_v + (float)j * d->step_v, start = d->source.directional ? 0.0f : d->low_r;
+    const float v = d->low_v + (float)j * d->step_v,
+                start = d->source.directional ? 0.0f : d->low_r;
     scatter_vec3 o = {0.0f, 0.0f, 0.0f}, w = d->axis_w;
     int l;
-    rays->ref = d->source.directional ? scatteri_add(scatteri_scale(d->axis_w, d->low_r), scatteri_scale(d->axis_v, v))
+    rays->ref = d->source.directional ? scatteri_add(scatteri_scale(d->axis_w, d->low_r),
+                                                     scatteri_scale(d->axis_v, v))
                                       : d->source.position;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float u = d->low_u + (float)(i + l < d->nx ? i + l : d->nx - 1) * d->step_u;
@@ -2780,7 +2861,8 @@ static void scatteri_columns(const scatter_depth *d, int i, int j, scatteri_rays
 }
 
 /* Most voxels that a step of `length` along any ray crosses. */
-static float scatteri_voxels_along(const scatteri_field *field, const scatteri_rays *rays, float length)
+static float scatteri_voxels_along(const scatteri_field *field, const scatteri_rays *rays,
+                                   float length)
 {
     const scatter_vec3 n = field->per_metre;
     float most = 0.0f;
@@ -2793,7 +2875,8 @@ static float scatteri_voxels_along(const scatteri_field *field, const scatteri_r
 }
 
 /* Field at t on 16 rays; 0 at once where all of them are in empty bricks. */
-SCATTERI_HOT static void scatteri_sample_field(const scatteri_field *field, const scatteri_rays *rays, const float *t,
+SCATTERI_HOT static void scatteri_sample_field(const scatteri_field *field,
+                                               const scatteri_rays *rays, const float *t,
                                                float *density)
 {
     float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES];
@@ -2806,20 +2889,23 @@ SCATTERI_HOT static void scatteri_sample_field(const scatteri_field *field, cons
     }
     box.min = scatteri_v3(scatteri_least(x), scatteri_least(y), scatteri_least(z));
     box.max = scatteri_v3(scatteri_most(x), scatteri_most(y), scatteri_most(z));
-    if (scatteri_may_be_filled(field, scatteri_add(rays->ref, box.min), scatteri_add(rays->ref, box.max)))
+    if (scatteri_may_be_filled(field, scatteri_add(rays->ref, box.min),
+                               scatteri_add(rays->ref, box.max)))
         scatteri_field_lanes_inline(field, rays->ref, x, y, z, density);
 }
 
 /* Running sum of the fields along 16 columns: adds what lies between the shells at radii `before` and `here`, sampled
    about once a voxel. */
-static void scatteri_sum_fields(const scatter_depth *d, const scatteri_rays *rays, const float *before,
-                                const float *here, float *running)
+static void scatteri_sum_fields(const scatter_depth *d, const scatteri_rays *rays,
+                                const float *before, const float *here, float *running)
 {
     size_t f;
     int s, l;
     for (f = 0; f < d->medium->desc.grid_count; f++) {
         const scatteri_field *field = &d->medium->fields[f];
-        const int samples = (int)scatteri_clamp(0.75f * scatteri_voxels_along(field, rays, d->step_r), 0.0f, 1e4f) + 1;
+        const int samples =
+            (int)scatteri_clamp(0.75f * scatteri_voxels_along(field, rays, d->step_r), 0.0f, 1e4f) +
+            1;
         const float part = 1.0f / (float)samples;
         for (s = 0; s < samples; s++) {
             float at[SCATTERI_LANES], density[SCATTERI_LANES];
@@ -2866,7 +2952,8 @@ static void scatteri_fill_shells(const scatter_depth *d, int first, int rows, sc
             w->t[k * SCATTERI_LANES + l] = scatteri_clamp(r, w->rays.t0[l], w->rays.t1[l]);
             w->depth[k * SCATTERI_LANES + l] = w->density[k * SCATTERI_LANES + l] = 0.0f;
         }
-    scatteri_add_gaussians(&d->medium->gaussians, &w->rays, &w->page, rows * SCATTERI_LANES, w->t, w->density, w->depth);
+    scatteri_add_gaussians(&d->medium->gaussians, &w->rays, &w->page, rows * SCATTERI_LANES, w->t,
+                           w->density, w->depth);
     for (k = 0; k < rows && d->medium->desc.grid_count > 0; k++) {
         const float *here = w->t + k * SCATTERI_LANES;
         scatteri_sum_fields(d, &w->rays, w->last, here, w->running);
@@ -2894,9 +2981,11 @@ static void scatteri_fill_columns(const scatter_depth *d, int i, int j, scatteri
         scatteri_fill_shells(d, first, rows, w);
         for (k = 0; k < rows; k++) {
             const float r = start + (float)(first + k) * d->step_r;
-            float *out = d->values + ((size_t)(first + k) * (size_t)d->ny + (size_t)j) * (size_t)d->nx + i;
+            float *out =
+                d->values + ((size_t)(first + k) * (size_t)d->ny + (size_t)j) * (size_t)d->nx + i;
             for (l = 0; l < some; l++)
-                out[l] = scatteri_stored(d, scatteri_max(w->depth[k * SCATTERI_LANES + l], 0.0f), r);
+                out[l] =
+                    scatteri_stored(d, scatteri_max(w->depth[k * SCATTERI_LANES + l], 0.0f), r);
         }
     }
     for (l = 0; l < some && !d->source.directional && !(start > 0.0f); l++)
@@ -2922,10 +3011,12 @@ SCATTERI_FN int scatteri_lower(float at, int n)
     return i;
 }
 
-SCATTERI_FN float scatteri_gather8(const float *v, int base, int sy, int sz, float fx, float fy, float fz)
+SCATTERI_FN float scatteri_gather8(const float *v, int base, int sy, int sz, float fx, float fy,
+                                   float fz)
 {
-    return scatteri_trilinear(v[base], v[base + 1], v[base + sy], v[base + sy + 1], v[base + sz], v[base + sz + 1],
-                              v[base + sz + sy], v[base + sz + sy + 1], fx, fy, fz);
+    return scatteri_trilinear(v[base], v[base + 1], v[base + sy], v[base + sy + 1], v[base + sz],
+                              v[base + sz + 1], v[base + sz + sy], v[base + sz + sy + 1], fx, fy,
+                              fz);
 }
 
 /* Depth at 16 points from a volume of cells. A point outside the box is moved along its segment to where the
@@ -2941,7 +3032,8 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
     for (l = 0; l < SCATTERI_LANES; l++) {
         const int i = first + l;
         const float far = scatteri_min(p->length[i], SCATTERI_FAR);
-        const float dx = scatteri_not_zero(p->dx[i]), dy = scatteri_not_zero(p->dy[i]), dz = scatteri_not_zero(p->dz[i]);
+        const float dx = scatteri_not_zero(p->dx[i]), dy = scatteri_not_zero(p->dy[i]),
+                    dz = scatteri_not_zero(p->dz[i]);
         const float nearx = (scatteri_choose(0.0f, dx, b.min.x, b.max.x) - p->x[i]) / dx;
         const float neary = (scatteri_choose(0.0f, dy, b.min.y, b.max.y) - p->y[i]) / dy;
         const float nearz = (scatteri_choose(0.0f, dz, b.min.z, b.max.z) - p->z[i]) / dz;
@@ -2954,16 +3046,19 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
         const float gx = (p->x[i] + shift * p->dx[i] - b.min.x) * sx - 0.5f;
         const float gy = (p->y[i] + shift * p->dy[i] - b.min.y) * sy - 0.5f;
         const float gz = (p->z[i] + shift * p->dz[i] - b.min.z) * sz - 0.5f;
-        const int cx = scatteri_lower(gx, nx), cy = scatteri_lower(gy, ny), cz = scatteri_lower(gz, nz);
+        const int cx = scatteri_lower(gx, nx), cy = scatteri_lower(gy, ny),
+                  cz = scatteri_lower(gz, nz);
         base[l] = (cz * ny + cy) * nx + cx;
         fx[l] = scatteri_clamp(gx - (float)cx, -0.5f, 1.5f);
         fy[l] = scatteri_clamp(gy - (float)cy, -0.5f, 1.5f);
         fz[l] = scatteri_clamp(gz - (float)cz, -0.5f, 1.5f);
-        factor[l] = scatteri_choose(leave, enter, 0.0f, directional ? 1.0f : p->distance[i] - shift);
+        factor[l] =
+            scatteri_choose(leave, enter, 0.0f, directional ? 1.0f : p->distance[i] - shift);
     }
     for (l = 0; l < SCATTERI_LANES; l++)
         depth[first + l] += scatteri_max(
-            factor[l] * scatteri_gather8(d->values, base[l], nx, nx * ny, fx[l], fy[l], fz[l]), 0.0f);
+            factor[l] * scatteri_gather8(d->values, base[l], nx, nx * ny, fx[l], fy[l], fz[l]),
+            0.0f);
 }
 
 /* Depth at 16 points from columns. Behind the last shell nothing is added any more. */
@@ -2982,12 +3077,15 @@ SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_po
         const scatter_vec3 q = scatteri_v3(u.x * x + u.y * y + u.z * z, v.x * x + v.y * y + v.z * z,
                                            w.x * x + w.y * y + w.z * z);
         const scatteri_vec2 e = scatteri_oct_encode(q);
-        const float a = scatteri_choose(0.5f, parallel, q.x, e.x), b = scatteri_choose(0.5f, parallel, q.y, e.y);
-        const float r = scatteri_min(scatteri_choose(0.5f, parallel, q.z, p->distance[first + l]), last);
+        const float a = scatteri_choose(0.5f, parallel, q.x, e.x),
+                    b = scatteri_choose(0.5f, parallel, q.y, e.y);
+        const float r =
+            scatteri_min(scatteri_choose(0.5f, parallel, q.z, p->distance[first + l]), last);
         const float gu = scatteri_clamp((a - d->low_u) * iu, 0.0f, (float)(nu - 1));
         const float gv = scatteri_clamp((b - d->low_v) * iv, 0.0f, (float)(nv - 1));
         const float gr = scatteri_clamp((r - d->low_r) * ir, 0.0f, (float)(nr - 1));
-        const int cu = scatteri_lower(gu, nu), cv = scatteri_lower(gv, nv), cr = scatteri_lower(gr, nr);
+        const int cu = scatteri_lower(gu, nu), cv = scatteri_lower(gv, nv),
+                  cr = scatteri_lower(gr, nr);
         base[l] = (cr * nv + cv) * nu + cu;
         fu[l] = gu - (float)cu;
         fv[l] = gv - (float)cv;
@@ -2995,10 +3093,12 @@ SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_po
         factor[l] = scatteri_choose(0.5f, parallel, 1.0f, r);
     }
     for (l = 0; l < SCATTERI_LANES; l++)
-        depth[first + l] += factor[l] * scatteri_gather8(d->values, base[l], nu, nu * nv, fu[l], fv[l], fr[l]);
+        depth[first + l] +=
+            factor[l] * scatteri_gather8(d->values, base[l], nu, nu * nv, fu[l], fv[l], fr[l]);
 }
 
-SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count, const scatteri_points *p, float *depth)
+SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count,
+                                             const scatteri_points *p, float *depth)
 {
     int first;
     if (!d->medium->has_local)
@@ -3012,7 +3112,8 @@ SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count, 
 }
 
 /* Adds constant and height fog between the points and the source. */
-SCATTERI_HOT static void scatteri_add_analytic(const scatter_medium *medium, int count, const scatteri_points *p,
+SCATTERI_HOT static void scatteri_add_analytic(const scatter_medium *medium, int count,
+                                               const scatteri_points *p,
                                                float *SCATTERI_RESTRICT depth)
 {
     size_t h;
@@ -3024,7 +3125,8 @@ SCATTERI_HOT static void scatteri_add_analytic(const scatter_medium *medium, int
             const scatter_height fog = medium->heights[h];
             const float y0 = fog.y0 - p->ref.y;
             for (l = first; l < first + SCATTERI_LANES; l++)
-                depth[l] += scatteri_height_depth(fog.density, y0, fog.scale, p->y[l], p->dy[l], p->length[l]);
+                depth[l] += scatteri_height_depth(fog.density, y0, fog.scale, p->y[l], p->dy[l],
+                                                  p->length[l]);
         }
         for (l = first; l < first + SCATTERI_LANES; l++)
             depth[l] = scatteri_min(depth[l], SCATTERI_FAR);
@@ -3032,8 +3134,9 @@ SCATTERI_HOT static void scatteri_add_analytic(const scatter_medium *medium, int
 }
 
 /* Adds density and depth (from t0) of constant and height fog at points t of 16 rays. */
-SCATTERI_HOT static void scatteri_add_fog(const scatter_medium *medium, const scatteri_rays *rays, int count,
-                                          const float *SCATTERI_RESTRICT t, float *SCATTERI_RESTRICT density,
+SCATTERI_HOT static void scatteri_add_fog(const scatter_medium *medium, const scatteri_rays *rays,
+                                          int count, const float *SCATTERI_RESTRICT t,
+                                          float *SCATTERI_RESTRICT density,
                                           float *SCATTERI_RESTRICT depth)
 {
     size_t h;
@@ -3048,9 +3151,12 @@ SCATTERI_HOT static void scatteri_add_fog(const scatter_medium *medium, const sc
             const float y0 = fog.y0 - rays->ref.y;
             for (l = 0; l < SCATTERI_LANES; l++) {
                 const float y = rays->oy[l] + t[first + l] * rays->dy[l];
-                const float start = rays->oy[l] + rays->t0[l] * rays->dy[l], length = t[first + l] - rays->t0[l];
-                density[first + l] += fog.density * scatteri_exp(scatteri_min((y0 - y) / fog.scale, 80.0f));
-                depth[first + l] += scatteri_height_depth(fog.density, y0, fog.scale, start, rays->dy[l], length);
+                const float start = rays->oy[l] + rays->t0[l] * rays->dy[l],
+                            length = t[first + l] - rays->t0[l];
+                density[first + l] +=
+                    fog.density * scatteri_exp(scatteri_min((y0 - y) / fog.scale, 80.0f));
+                depth[first + l] +=
+                    scatteri_height_depth(fog.density, y0, fog.scale, start, rays->dy[l], length);
             }
         }
     }
@@ -3060,15 +3166,17 @@ SCATTERI_HOT static void scatteri_add_fog(const scatter_medium *medium, const sc
 
 static int scatteri_reads_injected(scatter_depth_method method)
 {
-    return method == SCATTER_DEPTH_EQ6 || method == SCATTER_DEPTH_UPWIND || method == SCATTER_DEPTH_SHORT ||
-           method == SCATTER_DEPTH_MARCH;
+    return method == SCATTER_DEPTH_EQ6 || method == SCATTER_DEPTH_UPWIND ||
+           method == SCATTER_DEPTH_SHORT || method == SCATTER_DEPTH_MARCH;
 }
 
-static scatter_depth_method scatteri_choose_depth(scatter_depth_method method, const scatter_medium *medium)
+static scatter_depth_method scatteri_choose_depth(scatter_depth_method method,
+                                                  const scatter_medium *medium)
 {
     if (method != SCATTER_DEPTH_AUTO)
         return method;
-    return medium->gaussian_count <= 256 && medium->grid_count == 0 ? SCATTER_DEPTH_CLOSED : SCATTER_DEPTH_POLAR;
+    return medium->gaussian_count <= 256 && medium->grid_count == 0 ? SCATTER_DEPTH_CLOSED
+                                                                    : SCATTER_DEPTH_POLAR;
 }
 
 static int scatteri_choose_grid(int grid, const scatter_medium *medium)
@@ -3079,7 +3187,8 @@ static int scatteri_choose_grid(int grid, const scatter_medium *medium)
         return grid;
     for (i = 0; i < medium->grid_count; i++) {
         const scatter_grid *g = &medium->grids[i];
-        const int most = g->nx > g->ny ? (g->nx > g->nz ? g->nx : g->nz) : (g->ny > g->nz ? g->ny : g->nz);
+        const int most =
+            g->nx > g->ny ? (g->nx > g->nz ? g->nx : g->nz) : (g->ny > g->nz ? g->ny : g->nz);
         n = scatteri_clamp_int(most + most / 2, n, 256);
     }
     return n;
@@ -3109,7 +3218,8 @@ static scatter_result scatteri_fill(const scatteri_stage *stage, scatter_depth *
         else
             scatteri_polar_columns(d);
         return scatteri_parallel(stage, d->ny, scatteri_fill_column_row, d);
-    case SCATTER_DEPTH_CLOSED_VOLUME: return scatteri_parallel(stage, d->nz, scatteri_closed_slice, d);
+    case SCATTER_DEPTH_CLOSED_VOLUME:
+        return scatteri_parallel(stage, d->nz, scatteri_closed_slice, d);
     case SCATTER_DEPTH_MARCH: return scatteri_parallel(stage, d->nz, scatteri_march_slice, d);
     case SCATTER_DEPTH_EQ6:
     case SCATTER_DEPTH_UPWIND:
@@ -3130,19 +3240,22 @@ static scatter_result scatteri_build_depth(const scatteri_stage *stage, scatter_
     scatteri_shape(d, n);
     bytes = scatteri_bytes((size_t)d->nx, (size_t)d->ny, (size_t)d->nz, sizeof(float));
     if (bytes == 0)
-        return scatteri_fail(&d->host, SCATTER_TOO_LARGE, "quality.grid %d needs more cells than an int counts", n);
+        return scatteri_fail(&d->host, SCATTER_TOO_LARGE,
+                             "quality.grid %d needs more cells than an int counts", n);
     result = scatteri_reserve(&d->host, &d->memory, bytes, "a depth volume");
     if (result != SCATTER_OK)
         return result;
     d->values = (float *)d->memory.data;
     d->box = d->medium->local;
-    d->cell = scatteri_v3((d->box.max.x - d->box.min.x) / (float)n, (d->box.max.y - d->box.min.y) / (float)n,
+    d->cell = scatteri_v3((d->box.max.x - d->box.min.x) / (float)n,
+                          (d->box.max.y - d->box.min.y) / (float)n,
                           (d->box.max.z - d->box.min.z) / (float)n);
     return scatteri_fill(stage, d);
 }
 
 /* The medium's local terms in n^3 cells of its local box, as a field. */
-static scatter_result scatteri_build_injected(const scatteri_stage *stage, const scatteri_medium *medium, int n,
+static scatter_result scatteri_build_injected(const scatteri_stage *stage,
+                                              const scatteri_medium *medium, int n,
                                               scatteri_buffer *memory, scatteri_field *field)
 {
     const scatter_host *host = stage->host;
@@ -3155,8 +3268,10 @@ static scatter_result scatteri_build_injected(const scatteri_stage *stage, const
     grid.box = volume.box = medium->local;
     *field = scatteri_field_of(&grid);
     if (values == 0)
-        return scatteri_fail(host, SCATTER_TOO_LARGE, "quality.grid %d needs more cells than an int counts", n);
-    result = scatteri_reserve(host, memory, values + (size_t)field->bx * (size_t)field->by * (size_t)field->bz,
+        return scatteri_fail(host, SCATTER_TOO_LARGE,
+                             "quality.grid %d needs more cells than an int counts", n);
+    result = scatteri_reserve(host, memory,
+                              values + (size_t)field->bx * (size_t)field->by * (size_t)field->bz,
                               "the injected density");
     if (result != SCATTER_OK)
         return result;
@@ -3217,7 +3332,7 @@ SCATTER_API float scatter_depth_at(const scatter_depth *d, scatter_vec3 x)
    point i belongs to ray i % 16. */
 
 typedef struct scatteri_light {
-    scatter_light desc;    /* direction of unit length */
+    scatter_light desc; /* direction of unit length */
     scatter_source source;
     float cos_inner, cos_outer;
     scatter_depth depth;
@@ -3234,16 +3349,16 @@ enum { SCATTERI_EIGHTH = 8, SCATTERI_RULES = 20 };
 struct scatter_context {
     scatter_host host;
     scatteri_medium medium;
-    scatter_scene scene;       /* callbacks and background; medium and lights are above and below */
+    scatter_scene scene; /* callbacks and background; medium and lights are above and below */
     scatteri_light *lights;
     int light_count, light_room;
-    scatter_quality quality;   /* resolved: no zeros */
+    scatter_quality quality; /* resolved: no zeros */
     scatteri_field injected;
     scatteri_buffer injected_memory;
     int has_injected;
     const scatteri_field *fields; /* sampled along eye rays: the grids, or the injected density */
     int field_count;
-    int exact;                    /* Gaussians are evaluated at the nodes */
+    int exact;                           /* Gaussians are evaluated at the nodes */
     scatteri_rule rules[SCATTERI_RULES]; /* rule i has about (i + 1)/8 of `nodes` nodes */
     int ready;
     scatter_stats stats;
@@ -3251,9 +3366,10 @@ struct scatter_context {
 
 /* Nodes of a quadrature on 16 eye rays, and what the medium is there. */
 typedef struct scatteri_nodes {
-    int count;   /* points: rows times 16 */
+    int count;                                         /* points: rows times 16 */
     float t[SCATTERI_POINTS], weight[SCATTERI_POINTS]; /* m */
-    float cell[SCATTERI_POINTS];    /* length of the cell around the node in which density counts as constant; 0: none */
+    float cell
+        [SCATTERI_POINTS]; /* length of the cell around the node in which density counts as constant; 0: none */
     float density[SCATTERI_POINTS], depth[SCATTERI_POINTS]; /* depth from the eye */
     scatteri_points points;
 } scatteri_nodes;
@@ -3267,19 +3383,22 @@ typedef struct scatteri_map {
     float omc[SCATTERI_LANES]; /* 1 - cos of the scattering angle of a directional light */
 } scatteri_map;
 
-static void scatteri_map_light(const scatteri_rays *rays, const scatteri_light *light, scatteri_map *map)
+static void scatteri_map_light(const scatteri_rays *rays, const scatteri_light *light,
+                               scatteri_map *map)
 {
     const scatter_vec3 s = scatteri_sub(light->desc.position, rays->ref);
     int l;
     map->local = !light->source.directional;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const scatter_vec3 u = scatteri_ray_direction(rays, l), to = scatteri_sub(s, scatteri_ray_origin(rays, l));
+        const scatter_vec3 u = scatteri_ray_direction(rays, l),
+                           to = scatteri_sub(s, scatteri_ray_origin(rays, l));
         const float t0 = scatteri_dot(to, u);
         const scatter_vec3 off = scatteri_sub(to, scatteri_scale(u, t0));
         const float d2 = scatteri_dot(off, off), r = light->desc.radius;
         map->t0[l] = t0;
         map->d2[l] = d2;
-        map->d[l] = scatteri_max(scatteri_sqrt(d2 + r * r), 1e-6f * scatteri_max(1e-3f, scatteri_abs(t0)));
+        map->d[l] =
+            scatteri_max(scatteri_sqrt(d2 + r * r), 1e-6f * scatteri_max(1e-3f, scatteri_abs(t0)));
         map->omc[l] = scatteri_omc(light->desc.direction, scatteri_scale(u, -1.0f));
     }
 }
@@ -3302,8 +3421,8 @@ SCATTERI_FN float scatteri_to_t(const scatteri_map *map, int l, float u)
 }
 
 /* Depth from the points to the light: Gaussians and grids by the light's method, the rest closed. */
-static void scatteri_light_depth(const scatter_context *c, const scatteri_light *light, const scatteri_rays *span,
-                                 scatteri_nodes *n, float *depth)
+static void scatteri_light_depth(const scatter_context *c, const scatteri_light *light,
+                                 const scatteri_rays *span, scatteri_nodes *n, float *depth)
 {
     memset(depth, 0, (size_t)n->count * sizeof(float));
     scatteri_face_source(&light->source, &c->medium.desc, n->count, &n->points);
@@ -3319,8 +3438,9 @@ static void scatteri_light_depth(const scatter_context *c, const scatteri_light 
 }
 
 /* Weight times density times irradiance per intensity times phase function. */
-SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const scatteri_map *map, scatteri_lobes lobes,
-                                          const scatteri_nodes *n, float *SCATTERI_RESTRICT out)
+SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const scatteri_map *map,
+                                          scatteri_lobes lobes, const scatteri_nodes *n,
+                                          float *SCATTERI_RESTRICT out)
 {
     const scatter_vec3 w = light->desc.direction;
     const float r2 = light->desc.radius * light->desc.radius;
@@ -3335,7 +3455,8 @@ SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const sca
         if (map->local)
             for (l = 0; l < SCATTERI_LANES; l++) {
                 const float s = n->t[first + l] - map->t0[l];
-                const float q2 = scatteri_max(map->d2[l] + s * s, 1e-30f), inverse = scatteri_rsqrt(q2), q = q2 * inverse;
+                const float q2 = scatteri_max(map->d2[l] + s * s, 1e-30f),
+                            inverse = scatteri_rsqrt(q2), q = q2 * inverse;
                 const float back = map->d2[l] * inverse / (q + scatteri_abs(s));
                 omc[l] = scatteri_choose(s, 0.0f, back, 1.0f + s * inverse);
                 fall[l] /= q2 + r2;
@@ -3343,7 +3464,8 @@ SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const sca
         if (spot)
             for (l = 0; l < SCATTERI_LANES; l++) {
                 const int i = first + l;
-                const float cosine = -(n->points.dx[i] * w.x + n->points.dy[i] * w.y + n->points.dz[i] * w.z);
+                const float cosine =
+                    -(n->points.dx[i] * w.x + n->points.dy[i] * w.y + n->points.dz[i] * w.z);
                 fall[l] *= scatteri_spot(light->cos_inner, light->cos_outer, cosine);
             }
         if (lobes.weight > 0.0f)
@@ -3390,7 +3512,8 @@ typedef struct scatteri_radiance {
 
 /* Adds gain times the attenuated sum; one channel serves all three where extinction has no colour. */
 static void scatteri_add_rgb(const scatter_context *c, const scatteri_nodes *n, const float *value,
-                             const float *light_depth, scatter_vec3 gain, scatteri_radiance *radiance)
+                             const float *light_depth, scatter_vec3 gain,
+                             scatteri_radiance *radiance)
 {
     const scatter_vec3 s = c->medium.desc.extinction;
     const int cells = c->field_count > 0;
@@ -3434,7 +3557,8 @@ static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth
    shadows), the pieces are cut into panels as the medium needs, a panel takes `nodes` nodes. Each ray makes its own
    list of panels; then panel p of all 16 rays is evaluated at once. */
 
-#define SCATTERI_PANEL 12.0f /* widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel */
+#define SCATTERI_PANEL                                                                             \
+    12.0f /* widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel */
 
 enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 64, SCATTERI_BISECTIONS = 16, SCATTERI_PANELS = 64 };
 
@@ -3442,7 +3566,8 @@ enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 64, SCATTERI_BISECTIONS = 16, SCATT
 typedef struct scatteri_panels {
     int count[SCATTERI_LANES];
     float ua[SCATTERI_PANELS][SCATTERI_LANES], ub[SCATTERI_PANELS][SCATTERI_LANES];
-    float cells[SCATTERI_PANELS][SCATTERI_LANES]; /* 1: nodes are the middles of equal cells, 0: Gauss-Legendre */
+    float cells[SCATTERI_PANELS]
+               [SCATTERI_LANES]; /* 1: nodes are the middles of equal cells, 0: Gauss-Legendre */
 } scatteri_panels;
 
 /* What is integrated over the same nodes: emission, one local light, or directional lights. */
@@ -3455,15 +3580,17 @@ typedef struct scatteri_pass {
 
 typedef struct scatteri_eye {
     const scatter_context *context;
-    scatteri_rays rays;           /* depth counts from rays.t0 */
+    scatteri_rays rays; /* depth counts from rays.t0 */
     scatteri_page page;
     float hull0[SCATTERI_LANES], hull1[SCATTERI_LANES]; /* Gaussians reach the ray in between */
-    float features[SCATTERI_LANES]; /* most features a metre, see "panels" */
-    int samples;                  /* cells of the profile: voxel depth along the rays */
-    float profile0[SCATTERI_LANES], profile1[SCATTERI_LANES], step[SCATTERI_LANES], voxel[SCATTERI_LANES];
+    float features[SCATTERI_LANES];                     /* most features a metre, see "panels" */
+    int samples; /* cells of the profile: voxel depth along the rays */
+    float profile0[SCATTERI_LANES], profile1[SCATTERI_LANES], step[SCATTERI_LANES],
+        voxel[SCATTERI_LANES];
     float profile[SCATTERI_PROFILE + 2][SCATTERI_LANES];
     scatteri_pass pass;
-    scatteri_shadows cast;        /* by the light of the pass, if it cuts the rays and its depth is closed */
+    scatteri_shadows
+        cast; /* by the light of the pass, if it cuts the rays and its depth is closed */
     scatteri_panels panels;
     scatteri_nodes nodes;
     scatteri_radiance radiance;
@@ -3505,13 +3632,15 @@ SCATTERI_HOT static void scatteri_widen_hull(scatteri_eye *eye, float sigma)
     for (g = 0; g < page->count; g++) {
         const float a = page->a[g], inverse = 1.0f / a, reach = page->reach[g];
         for (l = 0; l < SCATTERI_LANES; l++) {
-            const float half = scatteri_sqrt(scatteri_max(reach - page->fade[g][l], 0.0f)) * inverse;
+            const float half =
+                scatteri_sqrt(scatteri_max(reach - page->fade[g][l], 0.0f)) * inverse;
             const float m = page->m[g][l], rate = scatteri_rate(a, sigma, page->behind[g][l]);
             const float low = scatteri_choose(0.0f, half, m - half, SCATTERI_FAR);
             const float high = scatteri_choose(0.0f, half, m + half, -SCATTERI_FAR);
             eye->hull0[l] = scatteri_min(eye->hull0[l], low);
             eye->hull1[l] = scatteri_max(eye->hull1[l], high);
-            eye->features[l] = scatteri_max(eye->features[l], scatteri_choose(0.0f, half, rate, 0.0f));
+            eye->features[l] =
+                scatteri_max(eye->features[l], scatteri_choose(0.0f, half, rate, 0.0f));
         }
     }
 }
@@ -3542,10 +3671,11 @@ static void scatteri_profile_range(scatteri_eye *eye, int l)
     for (f = 0; f < c->field_count; f++) {
         const scatteri_field *field = &c->fields[f];
         const scatter_vec3 rate = scatteri_mul(d, field->per_metre);
-        const float most = scatteri_max(scatteri_abs(rate.x), scatteri_max(scatteri_abs(rate.y), scatteri_abs(rate.z)));
+        const float most = scatteri_max(scatteri_abs(rate.x),
+                                        scatteri_max(scatteri_abs(rate.y), scatteri_abs(rate.z)));
         float t0 = eye->rays.t0[l], t1 = eye->rays.t1[l];
-        if (!scatteri_clip(scatteri_box_from(field->grid.box, eye->rays.ref), scatteri_ray_origin(&eye->rays, l), d, &t0,
-                           &t1))
+        if (!scatteri_clip(scatteri_box_from(field->grid.box, eye->rays.ref),
+                           scatteri_ray_origin(&eye->rays, l), d, &t0, &t1))
             continue;
         eye->profile0[l] = scatteri_min(eye->profile0[l], t0);
         eye->profile1[l] = scatteri_max(eye->profile1[l], t1);
@@ -3588,7 +3718,9 @@ static void scatteri_take_profile(scatteri_eye *eye)
     }
     if (!(voxels > 0.0f))
         return;
-    samples = (int)scatteri_clamp(voxels * (float)c->quality.nodes / SCATTERI_VOXELS, 0.0f, (float)SCATTERI_PROFILE - 1.0f) + 1;
+    samples = (int)scatteri_clamp(voxels * (float)c->quality.nodes / SCATTERI_VOXELS, 0.0f,
+                                  (float)SCATTERI_PROFILE - 1.0f) +
+              1;
     for (l = 0; l < SCATTERI_LANES; l++)
         eye->step[l] = (eye->profile1[l] - eye->profile0[l]) / (float)samples;
     for (i = 0; i < samples; i++)
@@ -3603,18 +3735,24 @@ static void scatteri_take_profile(scatteri_eye *eye)
 
 /* Adds the profile's density and depth at points: density linear between the middles of its cells, depth between
    their ends. */
-SCATTERI_HOT static void scatteri_add_profile(const scatteri_eye *eye, int count, const float *SCATTERI_RESTRICT t,
-                                              float *SCATTERI_RESTRICT density, float *SCATTERI_RESTRICT depth)
+SCATTERI_HOT static void scatteri_add_profile(const scatteri_eye *eye, int count,
+                                              const float *SCATTERI_RESTRICT t,
+                                              float *SCATTERI_RESTRICT density,
+                                              float *SCATTERI_RESTRICT depth)
 {
     const float top = (float)eye->samples;
     const float *profile = &eye->profile[0][0];
     int first, l;
     for (first = 0; first < count; first += SCATTERI_LANES)
         for (l = 0; l < SCATTERI_LANES; l++) {
-            const float step = scatteri_max(eye->step[l], 1e-30f), at = (t[first + l] - eye->profile0[l]) / step;
-            const float g = scatteri_clamp(at, 0.0f, top), h = scatteri_clamp(g - 0.5f, 0.0f, top - 1.0f);
-            const int i = (int)scatteri_min(g, top - 1.0f), j = (int)scatteri_min(h, scatteri_max(top - 2.0f, 0.0f));
-            const float *p = profile + l, low = p[i * SCATTERI_LANES], high = p[(i + 1) * SCATTERI_LANES];
+            const float step = scatteri_max(eye->step[l], 1e-30f),
+                        at = (t[first + l] - eye->profile0[l]) / step;
+            const float g = scatteri_clamp(at, 0.0f, top),
+                        h = scatteri_clamp(g - 0.5f, 0.0f, top - 1.0f);
+            const int i = (int)scatteri_min(g, top - 1.0f),
+                      j = (int)scatteri_min(h, scatteri_max(top - 2.0f, 0.0f));
+            const float *p = profile + l, low = p[i * SCATTERI_LANES],
+                        high = p[(i + 1) * SCATTERI_LANES];
             const float c0 = p[(j + 1) * SCATTERI_LANES] - p[j * SCATTERI_LANES];
             const float c1 = p[(j + 2) * SCATTERI_LANES] - p[(j + 1) * SCATTERI_LANES];
             const float inside = (float)((at >= 0.0f) & (at <= top));
@@ -3646,7 +3784,8 @@ static void scatteri_fill_nodes(scatteri_eye *eye)
     scatteri_nodes *n = &eye->nodes;
     scatteri_place_points(rays, n);
     if (c->exact && c->medium.gaussians.count > 0)
-        scatteri_add_gaussians(&c->medium.gaussians, rays, &eye->page, n->count, n->t, n->density, n->depth);
+        scatteri_add_gaussians(&c->medium.gaussians, rays, &eye->page, n->count, n->t, n->density,
+                               n->depth);
     if (eye->samples > 0)
         scatteri_add_profile(eye, n->count, n->t, n->density, n->depth);
     if (c->medium.has_analytic)
@@ -3655,8 +3794,8 @@ static void scatteri_fill_nodes(scatteri_eye *eye)
 
 /* Rows first..first+rows of the nodes of panel p. */
 SCATTERI_HOT static void scatteri_place_nodes(const scatteri_rule *rule, const scatteri_map *map,
-                                              const scatteri_panels *panels, int p, int first, int rows,
-                                              scatteri_nodes *n)
+                                              const scatteri_panels *panels, int p, int first,
+                                              int rows, scatteri_nodes *n)
 {
     const float count = (float)rule->count;
     const float *ua = panels->ua[p], *ub = panels->ub[p], *cells = panels->cells[p];
@@ -3665,7 +3804,8 @@ SCATTERI_HOT static void scatteri_place_nodes(const scatteri_rule *rule, const s
     for (k = 0; k < rows; k++) {
         const float node = rule->node[first + k], weight = rule->weight[first + k];
         const float middle = (2.0f * (float)(first + k) + 1.0f) / count - 1.0f;
-        float *SCATTERI_RESTRICT t = n->t + k * SCATTERI_LANES, *SCATTERI_RESTRICT w = n->weight + k * SCATTERI_LANES;
+        float *SCATTERI_RESTRICT t = n->t + k * SCATTERI_LANES,
+                                 *SCATTERI_RESTRICT w = n->weight + k * SCATTERI_LANES;
         float *SCATTERI_RESTRICT cell = n->cell + k * SCATTERI_LANES;
         for (l = 0; l < SCATTERI_LANES; l++) {
             const float half = 0.5f * (ub[l] - ua[l]);
@@ -3686,7 +3826,8 @@ SCATTERI_HOT static void scatteri_place_nodes(const scatteri_rule *rule, const s
 static int scatteri_in_pass(const scatter_context *c, const scatteri_pass *pass, int light)
 {
     const scatter_vec3 i = c->lights[light].desc.intensity;
-    return c->lights[light].source.directional != pass->map.local && (i.x > 0.0f || i.y > 0.0f || i.z > 0.0f);
+    return c->lights[light].source.directional != pass->map.local &&
+           (i.x > 0.0f || i.y > 0.0f || i.z > 0.0f);
 }
 
 static void scatteri_add_emission(scatteri_eye *eye)
@@ -3698,12 +3839,13 @@ static void scatteri_add_emission(scatteri_eye *eye)
         value[i] = n->weight[i] * n->density[i];
         none[i] = 0.0f;
     }
-    scatteri_add_rgb(eye->context, n, value, none, eye->context->medium.desc.emission, &eye->radiance);
+    scatteri_add_rgb(eye->context, n, value, none, eye->context->medium.desc.emission,
+                     &eye->radiance);
 }
 
 /* `probe`: ask for geometry between each node and the light. */
-static void scatteri_add_light(scatteri_eye *eye, const scatteri_light *light, const scatteri_map *map,
-                               const scatteri_rays *span, int probe)
+static void scatteri_add_light(scatteri_eye *eye, const scatteri_light *light,
+                               const scatteri_map *map, const scatteri_rays *span, int probe)
 {
     const scatter_context *c = eye->context;
     scatteri_nodes *n = &eye->nodes;
@@ -3716,8 +3858,10 @@ static void scatteri_add_light(scatteri_eye *eye, const scatteri_light *light, c
         if (value[i] > 0.0f && !scatteri_lit(c, light, scatteri_add(n->points.ref, x)))
             value[i] = 0.0f;
     }
-    scatteri_add_rgb(c, n, value, depth, scatteri_mul(scatteri_mul(light->desc.intensity, c->medium.desc.albedo),
-                                                      c->medium.desc.extinction), &eye->radiance);
+    scatteri_add_rgb(c, n, value, depth,
+                     scatteri_mul(scatteri_mul(light->desc.intensity, c->medium.desc.albedo),
+                                  c->medium.desc.extinction),
+                     &eye->radiance);
 }
 
 /* 0 where nothing more can be seen: no density, or opaque in front of all rays. */
@@ -3755,8 +3899,8 @@ static void scatteri_evaluate_panel(scatteri_eye *eye, int p, const scatteri_rul
     for (first = 0; first < rule->count; first += SCATTERI_ROWS) {
         const int left = rule->count - first;
         scatteri_rays span;
-        scatteri_place_nodes(rule, &pass->map, &eye->panels, p, first, left < SCATTERI_ROWS ? left : (int)SCATTERI_ROWS,
-                             &eye->nodes);
+        scatteri_place_nodes(rule, &pass->map, &eye->panels, p, first,
+                             left < SCATTERI_ROWS ? left : (int)SCATTERI_ROWS, &eye->nodes);
         scatteri_fill_nodes(eye);
         if (!scatteri_matters(&eye->nodes, c->medium.sigma_least))
             continue;
@@ -3813,15 +3957,18 @@ typedef struct scatteri_bins {
     float rate[SCATTERI_BINS];
 } scatteri_bins;
 
-SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, int l, float sigma, scatteri_bins *bins)
+SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, int l, float sigma,
+                                                 scatteri_bins *bins)
 {
     int g, b;
     for (g = 0; g < page->count; g++) {
-        const float half = scatteri_sqrt(scatteri_max(page->reach[g] - page->fade[g][l], 0.0f)) / page->a[g];
+        const float half =
+            scatteri_sqrt(scatteri_max(page->reach[g] - page->fade[g][l], 0.0f)) / page->a[g];
         const float low = page->m[g][l] - half, high = page->m[g][l] + half;
         const float rate = scatteri_rate(page->a[g], sigma, page->behind[g][l]);
         for (b = 0; b < SCATTERI_BINS; b++) {
-            const float here = rate * bins->stretch[b] * (float)((low < bins->high[b]) & (high > bins->low[b]));
+            const float here =
+                rate * bins->stretch[b] * (float)((low < bins->high[b]) & (high > bins->low[b]));
             bins->rate[b] = scatteri_max(bins->rate[b], here);
         }
     }
@@ -3829,7 +3976,8 @@ SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, int 
 
 /* Shadows that Gaussians cast across ray l: their edges are features of the light. h: distance of a centre from the
    segment between the middle of a bin and the source; slope: how fast it changes along the ray. */
-SCATTERI_HOT static void scatteri_rate_shadows(const scatteri_shadows *cast, const scatteri_rays *rays, int l,
+SCATTERI_HOT static void scatteri_rate_shadows(const scatteri_shadows *cast,
+                                               const scatteri_rays *rays, int l,
                                                const scatter_source *source, scatteri_bins *bins)
 {
     const scatter_vec3 s = scatteri_sub(source->position, rays->ref), w = source->direction;
@@ -3839,21 +3987,27 @@ SCATTERI_HOT static void scatteri_rate_shadows(const scatteri_shadows *cast, con
         const float a = cast->a[g], radius = 3.8f / a, depth = sigma * cast->scale[g];
         const float rate = depth > 1e-3f ? scatteri_rate(a, sigma, cast->scale[g]) : 0.0f;
         for (b = 0; b < SCATTERI_BINS; b++) {
-            const float t = 0.5f * (bins->low[b] + bins->high[b]), half = 0.5f * (bins->high[b] - bins->low[b]);
+            const float t = 0.5f * (bins->low[b] + bins->high[b]),
+                        half = 0.5f * (bins->high[b] - bins->low[b]);
             const float x = rays->ox[l] + t * rays->dx[l], y = rays->oy[l] + t * rays->dy[l];
             const float z = rays->oz[l] + t * rays->dz[l], sx = s.x - x, sy = s.y - y, sz = s.z - z;
-            const float r2 = scatteri_max(sx * sx + sy * sy + sz * sz, 1e-30f), inverse = scatteri_rsqrt(r2);
+            const float r2 = scatteri_max(sx * sx + sy * sy + sz * sz, 1e-30f),
+                        inverse = scatteri_rsqrt(r2);
             const float dx = scatteri_choose(0.5f, parallel, -w.x, sx * inverse);
             const float dy = scatteri_choose(0.5f, parallel, -w.y, sy * inverse);
             const float dz = scatteri_choose(0.5f, parallel, -w.z, sz * inverse);
             const float length = scatteri_choose(0.5f, parallel, SCATTERI_FAR, r2 * inverse);
             const float gx = cast->x[g] - x, gy = cast->y[g] - y, gz = cast->z[g] - z;
-            const float m = gx * dx + gy * dy + gz * dz, cosine = rays->dx[l] * dx + rays->dy[l] * dy + rays->dz[l] * dz;
+            const float m = gx * dx + gy * dy + gz * dz,
+                        cosine = rays->dx[l] * dx + rays->dy[l] * dy + rays->dz[l] * dz;
             const float hx = gx - m * dx, hy = gy - m * dy, hz = gz - m * dz;
-            const float slope = scatteri_sqrt(scatteri_max(1.0f - cosine * cosine, 0.0f)) * scatteri_abs(1.0f - m / length);
+            const float slope = scatteri_sqrt(scatteri_max(1.0f - cosine * cosine, 0.0f)) *
+                                scatteri_abs(1.0f - m / length);
             const float near = radius + slope * half;
-            const int hit = (m > 0.0f) & (m < length) & (hx * hx + hy * hy + hz * hz < near * near) & (bins->rate[b] > 0.0f);
-            bins->rate[b] = scatteri_max(bins->rate[b], rate * slope * bins->stretch[b] * (float)hit);
+            const int hit = (m > 0.0f) & (m < length) &
+                            (hx * hx + hy * hy + hz * hz < near * near) & (bins->rate[b] > 0.0f);
+            bins->rate[b] =
+                scatteri_max(bins->rate[b], rate * slope * bins->stretch[b] * (float)hit);
         }
     }
 }
@@ -3870,7 +4024,8 @@ static float scatteri_analytic_rate(const scatteri_eye *eye, int l, float t)
 }
 
 /* Ends and middles of the bins. */
-SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, int l, float ua, float ub, scatteri_bins *bins)
+SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, int l, float ua, float ub,
+                                             scatteri_bins *bins)
 {
     const float width = (ub - ua) / (float)SCATTERI_BINS, t0 = map->t0[l], d = map->d[l];
     int b;
@@ -3891,7 +4046,8 @@ SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, int l, flo
     }
 }
 
-static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int cells, scatteri_bins *bins)
+static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int cells,
+                               scatteri_bins *bins)
 {
     const scatter_context *c = eye->context;
     const float voxels = cells ? SCATTERI_PANEL / (SCATTERI_VOXELS * eye->voxel[l]) : 0.0f;
@@ -3900,8 +4056,10 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
     for (b = 0; b < SCATTERI_BINS; b++)
         bins->rate[b] = voxels * bins->stretch[b];
     for (b = 0; b < SCATTERI_BINS && c->medium.has_analytic; b++) {
-        const float analytic = scatteri_analytic_rate(eye, l, 0.5f * (bins->low[b] + bins->high[b]));
-        bins->rate[b] = scatteri_max(bins->rate[b], scatteri_max(analytic, 1e-30f) * bins->stretch[b]);
+        const float analytic =
+            scatteri_analytic_rate(eye, l, 0.5f * (bins->low[b] + bins->high[b]));
+        bins->rate[b] =
+            scatteri_max(bins->rate[b], scatteri_max(analytic, 1e-30f) * bins->stretch[b]);
     }
     if (eye->page.complete)
         scatteri_rate_gaussians(&eye->page, l, c->medium.sigma_most, bins);
@@ -3915,7 +4073,8 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
 
 /* A run of bins that are not empty: panels of at most SCATTERI_PANEL widths of the narrowest feature in them, up to
    eight panels in a bin. */
-static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins, int first, int end, int cells)
+static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins, int first,
+                             int end, int cells)
 {
     const float width = bins->width;
     float rate = 0.0f;
@@ -3923,7 +4082,8 @@ static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins
     for (b = first; b < end; b++) {
         const float with = scatteri_max(rate, bins->rate[b]);
         if (b > start && with * width * (float)(b + 1 - start) > SCATTERI_PANEL) {
-            scatteri_add_panel(eye, l, bins->u0 + (float)start * width, bins->u0 + (float)b * width, cells);
+            scatteri_add_panel(eye, l, bins->u0 + (float)start * width, bins->u0 + (float)b * width,
+                               cells);
             start = b;
             rate = bins->rate[b];
         } else {
@@ -3932,14 +4092,16 @@ static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins
         parts = (int)scatteri_clamp(bins->rate[b] * width / SCATTERI_PANEL, 0.0f, 7.0f) + 1;
         for (i = 0; parts > 1 && i < parts; i++)
             scatteri_add_panel(eye, l, bins->u0 + ((float)b + (float)i / (float)parts) * width,
-                               bins->u0 + ((float)b + (float)(i + 1) / (float)parts) * width, cells);
+                               bins->u0 + ((float)b + (float)(i + 1) / (float)parts) * width,
+                               cells);
         if (parts > 1) {
             start = b + 1;
             rate = 0.0f;
         }
     }
     if (start < end)
-        scatteri_add_panel(eye, l, bins->u0 + (float)start * width, bins->u0 + (float)end * width, cells);
+        scatteri_add_panel(eye, l, bins->u0 + (float)start * width, bins->u0 + (float)end * width,
+                           cells);
 }
 
 /* A piece of ray l on which only the medium's smooth shape counts. Few features fit into one panel at once. */
@@ -3948,11 +4110,13 @@ static void scatteri_add_piece(scatteri_eye *eye, int l, float ta, float tb)
     const scatter_context *c = eye->context;
     const float middle = 0.5f * (ta + tb);
     const int cells = eye->samples > 0 && middle > eye->profile0[l] && middle < eye->profile1[l];
-    const float ua = scatteri_to_u(&eye->pass.map, l, ta), ub = scatteri_to_u(&eye->pass.map, l, tb);
+    const float ua = scatteri_to_u(&eye->pass.map, l, ta),
+                ub = scatteri_to_u(&eye->pass.map, l, tb);
     scatteri_bins bins;
     int b = 0, end;
     if (!cells && !c->medium.has_analytic &&
-        scatteri_max(eye->features[l] * (tb - ta), eye->pass.map.local ? ub - ua : 0.0f) <= SCATTERI_PANEL) {
+        scatteri_max(eye->features[l] * (tb - ta), eye->pass.map.local ? ub - ua : 0.0f) <=
+            SCATTERI_PANEL) {
         scatteri_add_panel(eye, l, ua, ub, 0);
         return;
     }
@@ -3972,7 +4136,8 @@ static void scatteri_add_piece(scatteri_eye *eye, int l, float ta, float tb)
 
 static scatter_vec3 scatteri_ray_point(const scatteri_rays *rays, int l, float t)
 {
-    return scatteri_add(rays->ref, scatteri_along(scatteri_ray_origin(rays, l), scatteri_ray_direction(rays, l), t));
+    return scatteri_add(rays->ref, scatteri_along(scatteri_ray_origin(rays, l),
+                                                  scatteri_ray_direction(rays, l), t));
 }
 
 static int scatteri_lit_at(const scatteri_eye *eye, int l, float t)
@@ -3997,7 +4162,8 @@ static float scatteri_shadow_edge(const scatteri_eye *eye, int l, float a, float
 /* The lit parts of a piece, found by probes and bisection. Probes gather at a local light, or at the eye. */
 static void scatteri_add_lit(scatteri_eye *eye, int l, float ta, float tb)
 {
-    const float ua = scatteri_to_u(&eye->pass.map, l, ta), ub = scatteri_to_u(&eye->pass.map, l, tb);
+    const float ua = scatteri_to_u(&eye->pass.map, l, ta),
+                ub = scatteri_to_u(&eye->pass.map, l, tb);
     float start = ta, before = ta;
     int probe, lit = 0, now;
     for (probe = 0; probe < SCATTERI_PROBES; probe++) {
@@ -4038,14 +4204,16 @@ static void scatteri_add_edge(scatteri_edges *edges, float t)
 }
 
 /* Where ray l crosses the cone of cosine k (both nappes) around the light's axis. */
-static void scatteri_add_cone(scatteri_edges *edges, const scatteri_rays *rays, int l, const scatteri_light *light,
-                              float k)
+static void scatteri_add_cone(scatteri_edges *edges, const scatteri_rays *rays, int l,
+                              const scatteri_light *light, float k)
 {
     const scatter_vec3 d = scatteri_ray_direction(rays, l), w = light->desc.direction;
-    const scatter_vec3 to = scatteri_sub(scatteri_ray_origin(rays, l), scatteri_sub(light->desc.position, rays->ref));
+    const scatter_vec3 to =
+        scatteri_sub(scatteri_ray_origin(rays, l), scatteri_sub(light->desc.position, rays->ref));
     const double uw = (double)scatteri_dot(d, w), ow = (double)scatteri_dot(to, w);
     const double k2 = (double)k * (double)k, ou = (double)scatteri_dot(to, d);
-    const double a = uw * uw - k2, b = uw * ow - k2 * ou, c = ow * ow - k2 * (double)scatteri_dot(to, to);
+    const double a = uw * uw - k2, b = uw * ow - k2 * ou,
+                 c = ow * ow - k2 * (double)scatteri_dot(to, to);
     const double root = b * b - a * c;
     double q;
     if (root <= 0.0)
@@ -4060,9 +4228,10 @@ static void scatteri_add_cone(scatteri_edges *edges, const scatteri_rays *rays, 
 static int scatteri_in_cone(const scatteri_eye *eye, int l, float t)
 {
     const scatteri_light *light = eye->pass.cut;
-    const scatter_vec3 from =
-        scatteri_unit_or_zero(scatteri_sub(scatteri_ray_point(&eye->rays, l, t), light->desc.position));
-    return light->desc.kind != SCATTER_LIGHT_SPOT || scatteri_dot(from, light->desc.direction) > light->cos_outer;
+    const scatter_vec3 from = scatteri_unit_or_zero(
+        scatteri_sub(scatteri_ray_point(&eye->rays, l, t), light->desc.position));
+    return light->desc.kind != SCATTER_LIGHT_SPOT ||
+           scatteri_dot(from, light->desc.direction) > light->cos_outer;
 }
 
 static int scatteri_filled(const scatteri_eye *eye, int l, float t)
@@ -4097,7 +4266,8 @@ static void scatteri_cut_ray(scatteri_eye *eye, int l)
     scatteri_find_edges(eye, l, &edges);
     for (i = 1; i < edges.count; i++) {
         const float ta = edges.t[i - 1], tb = edges.t[i], middle = 0.5f * (ta + tb);
-        if (!(ta < tb) || !scatteri_filled(eye, l, middle) || (light != NULL && !scatteri_in_cone(eye, l, middle)))
+        if (!(ta < tb) || !scatteri_filled(eye, l, middle) ||
+            (light != NULL && !scatteri_in_cone(eye, l, middle)))
             continue;
         if (light != NULL && eye->context->scene.visible != NULL)
             scatteri_add_lit(eye, l, ta, tb);
@@ -4153,7 +4323,8 @@ static void scatteri_run_pass(scatteri_eye *eye)
         return;
     }
     if (eye->pass.cut != NULL)
-        scatteri_begin_shadows(&eye->cast, &eye->context->medium, &eye->pass.cut->source, &eye->rays);
+        scatteri_begin_shadows(&eye->cast, &eye->context->medium, &eye->pass.cut->source,
+                               &eye->rays);
     for (l = 0; l < SCATTERI_LANES; l++)
         if (eye->rays.t0[l] < eye->rays.t1[l])
             scatteri_cut_ray(eye, l);
@@ -4215,8 +4386,10 @@ SCATTERI_HOT static void scatteri_clip_rays(scatter_box b, scatteri_rays *rays)
         const float ax = (b.min.x - rays->ox[l]) / dx, bx = (b.max.x - rays->ox[l]) / dx;
         const float ay = (b.min.y - rays->oy[l]) / dy, by = (b.max.y - rays->oy[l]) / dy;
         const float az = (b.min.z - rays->oz[l]) / dz, bz = (b.max.z - rays->oz[l]) / dz;
-        const float near = scatteri_max(scatteri_min(ax, bx), scatteri_max(scatteri_min(ay, by), scatteri_min(az, bz)));
-        const float far = scatteri_min(scatteri_max(ax, bx), scatteri_min(scatteri_max(ay, by), scatteri_max(az, bz)));
+        const float near = scatteri_max(scatteri_min(ax, bx),
+                                        scatteri_max(scatteri_min(ay, by), scatteri_min(az, bz)));
+        const float far = scatteri_min(scatteri_max(ax, bx),
+                                       scatteri_min(scatteri_max(ay, by), scatteri_max(az, bz)));
         const float t0 = scatteri_max(rays->t0[l], near), t1 = scatteri_min(rays->t1[l], far);
         rays->t0[l] = scatteri_choose(t0, t1, t0, 0.0f);
         rays->t1[l] = scatteri_choose(t0, t1, t1, 0.0f);
@@ -4235,8 +4408,10 @@ static void scatteri_cut_to_medium(const scatteri_medium *m, scatteri_rays *rays
         rays->t1[l] = m->has_analytic ? rays->t1[l] : rays->t0[l];
     for (l = 0; l < SCATTERI_LANES && m->has_analytic; l++)
         if (rays->t0[l] < rays->t1[l])
-            rays->t1[l] = scatteri_min(rays->t1[l], rays->t0[l] + scatteri_horizon(m, scatteri_ray_point(rays, l, rays->t0[l]),
-                                                                                   scatteri_ray_direction(rays, l)));
+            rays->t1[l] = scatteri_min(
+                rays->t1[l],
+                rays->t0[l] + scatteri_horizon(m, scatteri_ray_point(rays, l, rays->t0[l]),
+                                               scatteri_ray_direction(rays, l)));
 }
 
 /* Gathers what lies on the rays; 0 if nothing does. */
@@ -4281,7 +4456,8 @@ static void scatteri_march_block(scatteri_eye *eye, int first, int rows, float *
         }
     scatteri_fill_nodes(eye);
     for (f = 0; f < c->field_count; f++)
-        scatteri_add_field(&c->fields[f], n->points.ref, n->count, n->points.x, n->points.y, n->points.z, n->density);
+        scatteri_add_field(&c->fields[f], n->points.ref, n->count, n->points.x, n->points.y,
+                           n->points.z, n->density);
     for (k = 0; k < n->count; k++) {
         n->depth[k] = running[k % SCATTERI_LANES] + 0.5f * n->weight[k] * n->density[k];
         running[k % SCATTERI_LANES] += n->weight[k] * n->density[k];
@@ -4338,7 +4514,8 @@ static void scatteri_look(scatteri_eye *eye, scatter_sample *samples)
     scatteri_decay_lanes(s.y, depth, through.g);
     scatteri_decay_lanes(s.z, depth, through.b);
     for (l = 0; l < SCATTERI_LANES; l++) {
-        samples[l].radiance = scatteri_v3(eye->radiance.r[l], eye->radiance.g[l], eye->radiance.b[l]);
+        samples[l].radiance =
+            scatteri_v3(eye->radiance.r[l], eye->radiance.g[l], eye->radiance.b[l]);
         samples[l].transmittance = scatteri_v3(through.r[l], through.g[l], through.b[l]);
     }
 }
@@ -4360,7 +4537,8 @@ static float scatteri_fall(const scatteri_light *light, scatter_vec3 x, scatter_
     r2 = 1.0f / scatteri_max(r2 + light->desc.radius * light->desc.radius, 1e-30f);
     return light->desc.kind != SCATTER_LIGHT_SPOT
                ? r2
-               : r2 * scatteri_spot(light->cos_inner, light->cos_outer, -scatteri_dot(*to, light->desc.direction));
+               : r2 * scatteri_spot(light->cos_inner, light->cos_outer,
+                                    -scatteri_dot(*to, light->desc.direction));
 }
 
 /* BRDF times cosine: Lambert plus Phong. */
@@ -4370,16 +4548,18 @@ static scatter_vec3 scatteri_brdf(const scatter_surface *s, scatter_vec3 ray, sc
     const scatter_vec3 mirror =
         scatteri_sub(ray, scatteri_scale(s->normal, 2.0f * scatteri_dot(ray, s->normal)));
     const float gloss = scatteri_max(scatteri_dot(mirror, to), 0.0f);
-    const float phong = gloss > 0.0f ? (s->shininess + 2.0f) * 0.159154943f *
-                                           scatteri_exp(s->shininess * scatteri_log(scatteri_max(gloss, 1e-30f)))
-                                     : 0.0f;
-    return scatteri_scale(scatteri_add(scatteri_scale(s->albedo, 0.318309886f), scatteri_scale(s->specular, phong)),
-                          cosine);
+    const float phong =
+        gloss > 0.0f ? (s->shininess + 2.0f) * 0.159154943f *
+                           scatteri_exp(s->shininess * scatteri_log(scatteri_max(gloss, 1e-30f)))
+                     : 0.0f;
+    return scatteri_scale(
+        scatteri_add(scatteri_scale(s->albedo, 0.318309886f), scatteri_scale(s->specular, phong)),
+        cosine);
 }
 
 /* Radiance that the surface point sends back along the ray, lit through the medium. */
-static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surface *s, scatter_vec3 origin,
-                                   scatter_vec3 ray)
+static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surface *s,
+                                   scatter_vec3 origin, scatter_vec3 ray)
 {
     const scatter_vec3 x = scatteri_along(origin, ray, s->distance);
     scatter_vec3 sum = {0.0f, 0.0f, 0.0f};
@@ -4388,11 +4568,13 @@ static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surfa
         const scatteri_light *light = &c->lights[i];
         scatter_vec3 to, value;
         const float fall = scatteri_fall(light, x, &to);
-        value = scatteri_scale(scatteri_mul(scatteri_brdf(s, ray, to), light->desc.intensity), fall);
+        value =
+            scatteri_scale(scatteri_mul(scatteri_brdf(s, ray, to), light->desc.intensity), fall);
         if (!(value.x > 0.0f || value.y > 0.0f || value.z > 0.0f) || !scatteri_lit(c, light, x))
             continue;
-        sum = scatteri_add(sum, scatteri_mul(value, scatteri_transmittance(&c->medium,
-                                                                           scatter_depth_at(&light->depth, x))));
+        sum = scatteri_add(
+            sum, scatteri_mul(value, scatteri_transmittance(&c->medium,
+                                                            scatter_depth_at(&light->depth, x))));
     }
     return sum;
 }
@@ -4412,12 +4594,14 @@ typedef struct scatteri_picture {
 /* Unit vector of a vector of any length but 0. */
 static scatter_vec3 scatteri_unit(scatter_vec3 v)
 {
-    const float most = scatteri_max(scatteri_abs(v.x), scatteri_max(scatteri_abs(v.y), scatteri_abs(v.z)));
+    const float most =
+        scatteri_max(scatteri_abs(v.x), scatteri_max(scatteri_abs(v.y), scatteri_abs(v.z)));
     return scatteri_normalize(scatteri_scale(v, most > 0.0f ? 1.0f / most : 0.0f));
 }
 
 /* Ray number l of a packet; `end`: where a surface ends it. */
-static void scatteri_set_ray(scatteri_rays *rays, int l, scatter_vec3 origin, scatter_vec3 direction, float end)
+static void scatteri_set_ray(scatteri_rays *rays, int l, scatter_vec3 origin,
+                             scatter_vec3 direction, float end)
 {
     if (l == 0)
         rays->ref = origin;
@@ -4439,7 +4623,8 @@ static void scatteri_put(float *pixels, size_t at, scatter_vec3 rgb)
 }
 
 /* Rays through the centres of the 4x4 pixels from x, y on; beyond the edge of the image the nearest pixel. */
-SCATTERI_HOT static void scatteri_aim(const scatteri_picture *job, int x, int y, scatteri_rays *rays)
+SCATTERI_HOT static void scatteri_aim(const scatteri_picture *job, int x, int y,
+                                      scatteri_rays *rays)
 {
     const scatter_view *v = &job->view;
     const int right = job->image.width - 1, bottom = job->image.height - 1;
@@ -4466,33 +4651,36 @@ SCATTERI_HOT static void scatteri_aim(const scatteri_picture *job, int x, int y,
 }
 
 /* Ends ray l where the host's picture or a surface of the scene does. Returns whether a surface does. */
-static int scatteri_end_ray(const scatteri_picture *job, int x, int y, int l, scatteri_rays *rays, scatter_surface *hit)
+static int scatteri_end_ray(const scatteri_picture *job, int x, int y, int l, scatteri_rays *rays,
+                            scatter_surface *hit)
 {
     const scatter_scene *scene = &job->context->scene;
     const scatter_image *image = &job->image;
     const int px = scatteri_clamp_int(x + l % SCATTERI_SIDE, 0, image->width - 1);
     const int py = scatteri_clamp_int(y + l / SCATTERI_SIDE, 0, image->height - 1);
     const int solid = image->distance == NULL && scene->surface != NULL &&
-                      scene->surface(scene->user, scatteri_ray_point(rays, l, 0.0f), scatteri_ray_direction(rays, l),
-                                     hit) != 0;
+                      scene->surface(scene->user, scatteri_ray_point(rays, l, 0.0f),
+                                     scatteri_ray_direction(rays, l), hit) != 0;
     const float distance = solid ? hit->distance
-                           : image->distance != NULL ? image->distance[(size_t)py * (size_t)image->width + (size_t)px]
-                                                     : 0.0f;
+                           : image->distance != NULL
+                               ? image->distance[(size_t)py * (size_t)image->width + (size_t)px]
+                               : 0.0f;
     if ((solid || distance > 0.0f) && distance < SCATTERI_FAR)
         rays->t1[l] = scatteri_max(distance, 0.0f);
     return solid;
 }
 
 /* What lies behind the medium: the host's picture, the lit surface or the background. */
-static scatter_vec3 scatteri_behind(const scatteri_picture *job, size_t at, const scatter_surface *hit,
-                                    const scatteri_rays *rays, int l)
+static scatter_vec3 scatteri_behind(const scatteri_picture *job, size_t at,
+                                    const scatter_surface *hit, const scatteri_rays *rays, int l)
 {
     const float *color = job->image.color;
     if (color != NULL)
         return scatteri_v3(color[3 * at], color[3 * at + 1], color[3 * at + 2]);
     if (hit == NULL)
         return job->context->scene.background;
-    return scatteri_shade(job->context, hit, scatteri_ray_point(rays, l, 0.0f), scatteri_ray_direction(rays, l));
+    return scatteri_shade(job->context, hit, scatteri_ray_point(rays, l, 0.0f),
+                          scatteri_ray_direction(rays, l));
 }
 
 /* The view with directions of a length that can be squared. */
@@ -4503,7 +4691,9 @@ static scatter_view scatteri_scaled_view(const scatter_view *view)
     float most = 0.0f;
     int i;
     for (i = 0; i < 3; i++)
-        most = scatteri_max(most, scatteri_max(scatteri_abs(d[i].x), scatteri_max(scatteri_abs(d[i].y), scatteri_abs(d[i].z))));
+        most = scatteri_max(most,
+                            scatteri_max(scatteri_abs(d[i].x),
+                                         scatteri_max(scatteri_abs(d[i].y), scatteri_abs(d[i].z))));
     scaled.direction = scatteri_scale(d[0], 1.0f / most);
     scaled.direction_dx = scatteri_scale(d[1], 1.0f / most);
     scaled.direction_dy = scatteri_scale(d[2], 1.0f / most);
@@ -4534,8 +4724,9 @@ static void scatteri_render_packet(const scatteri_picture *job, int x, int y, sc
             continue;
         at = (size_t)py * (size_t)image->width + (size_t)px;
         behind = scatteri_behind(job, at, solid[l] ? &hits[l] : NULL, &rays, l);
-        scatteri_put(image->rgb, at,
-                     scatteri_add(samples[l].radiance, scatteri_mul(samples[l].transmittance, behind)));
+        scatteri_put(
+            image->rgb, at,
+            scatteri_add(samples[l].radiance, scatteri_mul(samples[l].transmittance, behind)));
         if (image->transmittance != NULL)
             scatteri_put(image->transmittance, at, samples[l].transmittance);
     }
@@ -4558,7 +4749,8 @@ static scatter_result scatteri_render_tiles(scatteri_picture *job)
 {
     const scatteri_stage stage = {&job->context->host, 0.0f, 1.0f};
     const int left = job->image.x0 / SCATTERI_TILE, top = job->image.y0 / SCATTERI_TILE;
-    const int wide = (job->image.x1 - 1) / SCATTERI_TILE + 1 - left, high = (job->image.y1 - 1) / SCATTERI_TILE + 1 - top;
+    const int wide = (job->image.x1 - 1) / SCATTERI_TILE + 1 - left,
+              high = (job->image.y1 - 1) / SCATTERI_TILE + 1 - top;
     job->tile_x = left * SCATTERI_TILE;
     job->tile_y = top * SCATTERI_TILE;
     job->across = wide;
@@ -4579,7 +4771,8 @@ SCATTER_API float scatter_log_average(const float *rgb, size_t pixels)
     return bright > 0 ? (float)exp(sum / (double)bright) : 0.0f;
 }
 
-SCATTER_API void scatter_tone_map(const scatter_tone *tone, const float *rgb, size_t pixels, float *out)
+SCATTER_API void scatter_tone_map(const scatter_tone *tone, const float *rgb, size_t pixels,
+                                  float *out)
 {
     const float key = tone != NULL && tone->key > 0.0f ? tone->key : 0.18f;
     const float white = tone != NULL ? tone->white : 0.0f;
@@ -4588,7 +4781,8 @@ SCATTER_API void scatter_tone_map(const scatter_tone *tone, const float *rgb, si
     const float scale = average > 0.0f ? key / average : 0.0f;
     size_t i;
     for (i = 0; i < pixels; i++) {
-        const scatter_vec3 in = scatteri_scale(scatteri_v3(rgb[3 * i], rgb[3 * i + 1], rgb[3 * i + 2]), scale);
+        const scatter_vec3 in =
+            scatteri_scale(scatteri_v3(rgb[3 * i], rgb[3 * i + 1], rgb[3 * i + 2]), scale);
         const float l = scatteri_luminance(in);
         const float gain = l > 0.0f ? scatteri_reinhard(l, white) / l : 1.0f;
         scatteri_put(out, i, scatteri_scale(in, gain));
@@ -4602,12 +4796,13 @@ SCATTER_API unsigned char scatter_srgb8(float linear)
     return (unsigned char)(255.0 * s + 0.5);
 }
 
-static scatter_view scatteri_view_of(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up, float half_height,
-                                     float aspect, int perspective)
+static scatter_view scatteri_view_of(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up,
+                                     float half_height, float aspect, int perspective)
 {
     const scatter_vec3 forward = scatteri_unit(scatteri_sub(target, eye));
     const scatter_vec3 side = scatteri_cross(forward, scatteri_unit(up));
-    const scatter_vec3 right = scatteri_unit(scatteri_dot(side, side) > 1e-12f ? side : scatteri_perpendicular(forward));
+    const scatter_vec3 right =
+        scatteri_unit(scatteri_dot(side, side) > 1e-12f ? side : scatteri_perpendicular(forward));
     const scatter_vec3 above = scatteri_cross(right, forward), none = {0.0f, 0.0f, 0.0f};
     const scatter_vec3 dx = scatteri_scale(right, 2.0f * half_height * aspect);
     const scatter_vec3 dy = scatteri_scale(above, -2.0f * half_height);
@@ -4622,14 +4817,14 @@ static scatter_view scatteri_view_of(scatter_vec3 eye, scatter_vec3 target, scat
     return view;
 }
 
-SCATTER_API scatter_view scatter_view_perspective(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up, float fov_y,
-                                                  float aspect)
+SCATTER_API scatter_view scatter_view_perspective(scatter_vec3 eye, scatter_vec3 target,
+                                                  scatter_vec3 up, float fov_y, float aspect)
 {
     return scatteri_view_of(eye, target, up, (float)tan(0.5 * (double)fov_y), aspect, 1);
 }
 
-SCATTER_API scatter_view scatter_view_orthographic(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up,
-                                                   float height, float aspect)
+SCATTER_API scatter_view scatter_view_orthographic(scatter_vec3 eye, scatter_vec3 target,
+                                                   scatter_vec3 up, float height, float aspect)
 {
     return scatteri_view_of(eye, target, up, 0.5f * height, aspect, 0);
 }
@@ -4639,8 +4834,9 @@ SCATTER_API scatter_ray scatter_view_ray(const scatter_view *view, float x, floa
     scatter_ray ray;
     ray.origin = scatteri_add(view->origin, scatteri_add(scatteri_scale(view->origin_dx, x),
                                                          scatteri_scale(view->origin_dy, y)));
-    ray.direction = scatteri_unit(scatteri_add(view->direction, scatteri_add(scatteri_scale(view->direction_dx, x),
-                                                                             scatteri_scale(view->direction_dy, y))));
+    ray.direction = scatteri_unit(
+        scatteri_add(view->direction, scatteri_add(scatteri_scale(view->direction_dx, x),
+                                                   scatteri_scale(view->direction_dy, y))));
     return ray;
 }
 
@@ -4654,13 +4850,15 @@ typedef struct scatteri_where {
     long index;
 } scatteri_where;
 
-static int scatteri_refuse(const scatteri_where *at, const char *member, float value, const char *must)
+static int scatteri_refuse(const scatteri_where *at, const char *member, float value,
+                           const char *must)
 {
     if (at->index < 0)
-        scatteri_fail(at->host, SCATTER_BAD_ARGUMENT, "%s%s is %g, it must be %s", at->array, member, (double)value, must);
+        scatteri_fail(at->host, SCATTER_BAD_ARGUMENT, "%s%s is %g, it must be %s", at->array,
+                      member, (double)value, must);
     else
-        scatteri_fail(at->host, SCATTER_BAD_ARGUMENT, "%s[%ld]%s is %g, it must be %s", at->array, at->index, member,
-                      (double)value, must);
+        scatteri_fail(at->host, SCATTER_BAD_ARGUMENT, "%s[%ld]%s is %g, it must be %s", at->array,
+                      at->index, member, (double)value, must);
     return 0;
 }
 
@@ -4669,8 +4867,8 @@ static int scatteri_finite(float value)
     return value >= -FLT_MAX && value <= FLT_MAX;
 }
 
-static int scatteri_check(const scatteri_where *at, const char *member, float value, float low, float high,
-                          const char *must)
+static int scatteri_check(const scatteri_where *at, const char *member, float value, float low,
+                          float high, const char *must)
 {
     return value >= low && value <= high ? 1 : scatteri_refuse(at, member, value, must);
 }
@@ -4696,14 +4894,18 @@ static int scatteri_check_point(const scatteri_where *at, const char *member, sc
 static int scatteri_check_direction(const scatteri_where *at, const char *member, scatter_vec3 v)
 {
     if (!scatteri_finite(v.x) || !scatteri_finite(v.y) || !scatteri_finite(v.z))
-        return scatteri_refuse(at, member, scatteri_finite(v.x) ? scatteri_finite(v.y) ? v.z : v.y : v.x, "finite");
-    return v.x != 0.0f || v.y != 0.0f || v.z != 0.0f ? 1 : scatteri_refuse(at, member, 0.0f, "longer than 0");
+        return scatteri_refuse(
+            at, member, scatteri_finite(v.x) ? scatteri_finite(v.y) ? v.z : v.y : v.x, "finite");
+    return v.x != 0.0f || v.y != 0.0f || v.z != 0.0f
+               ? 1
+               : scatteri_refuse(at, member, 0.0f, "longer than 0");
 }
 
-static int scatteri_check_color(const scatteri_where *at, const char *member, scatter_vec3 v, float most,
-                                const char *must)
+static int scatteri_check_color(const scatteri_where *at, const char *member, scatter_vec3 v,
+                                float most, const char *must)
 {
-    return scatteri_check(at, member, v.x, 0.0f, most, must) && scatteri_check(at, member, v.y, 0.0f, most, must) &&
+    return scatteri_check(at, member, v.x, 0.0f, most, must) &&
+           scatteri_check(at, member, v.y, 0.0f, most, must) &&
            scatteri_check(at, member, v.z, 0.0f, most, must);
 }
 
@@ -4715,15 +4917,17 @@ static int scatteri_check_box(const scatteri_where *at, const char *member, scat
         return scatteri_refuse(at, member, b.max.x - b.min.x, "larger in max.x than in min.x");
     if (!(b.max.y > b.min.y))
         return scatteri_refuse(at, member, b.max.y - b.min.y, "larger in max.y than in min.y");
-    return b.max.z > b.min.z ? 1 : scatteri_refuse(at, member, b.max.z - b.min.z, "larger in max.z than in min.z");
+    return b.max.z > b.min.z
+               ? 1
+               : scatteri_refuse(at, member, b.max.z - b.min.z, "larger in max.z than in min.z");
 }
 
-static scatter_result scatteri_check_array(const scatteri_where *at, const char *member, const void *array,
-                                           const char *number, size_t count)
+static scatter_result scatteri_check_array(const scatteri_where *at, const char *member,
+                                           const void *array, const char *number, size_t count)
 {
     if (count > (size_t)INT_MAX / 64)
-        return scatteri_fail(at->host, SCATTER_TOO_LARGE, "%s%s is %.0f, it must be smaller", at->array, number,
-                             (double)count);
+        return scatteri_fail(at->host, SCATTER_TOO_LARGE, "%s%s is %.0f, it must be smaller",
+                             at->array, number, (double)count);
     if (count == 0 || array != NULL)
         return SCATTER_OK;
     scatteri_refuse(at, member, 0.0f, "an array: its count is not 0");
@@ -4736,12 +4940,17 @@ static scatter_result scatteri_check_grid(const scatteri_where *at, const scatte
     size_t count, i;
     if (g->nx < 1 || g->ny < 1 || g->nz < 1) {
         const int least = g->nx < 1 ? g->nx : g->ny < 1 ? g->ny : g->nz;
-        scatteri_refuse(at, g->nx < 1 ? ".nx" : g->ny < 1 ? ".ny" : ".nz", (float)least, "at least 1");
+        scatteri_refuse(at,
+                        g->nx < 1   ? ".nx"
+                        : g->ny < 1 ? ".ny"
+                                    : ".nz",
+                        (float)least, "at least 1");
         return SCATTER_BAD_ARGUMENT;
     }
     count = scatteri_bytes((size_t)g->nx, (size_t)g->ny, (size_t)g->nz, 1);
     if (count == 0)
-        return scatteri_fail(at->host, SCATTER_TOO_LARGE, "%s[%ld].nx * ny * nz is more than an int counts", at->array,
+        return scatteri_fail(at->host, SCATTER_TOO_LARGE,
+                             "%s[%ld].nx * ny * nz is more than an int counts", at->array,
                              at->index);
     if (scatteri_check_array(at, ".density", g->density, "", 1) != SCATTER_OK ||
         !scatteri_check_box(at, ".box", g->box) || !scatteri_check_amount(at, ".scale", g->scale))
@@ -4759,7 +4968,8 @@ static int scatteri_check_phase(const scatteri_where *at, const scatter_phase *p
     if ((int)phase->kind < 0 || (int)phase->kind > (int)SCATTER_PHASE_DROPLETS)
         return scatteri_refuse(at, ".phase.kind", (float)phase->kind, "one of scatter_phase_kind");
     if (phase->kind == SCATTER_PHASE_DROPLETS)
-        return scatteri_check(at, ".phase.diameter_um", phase->diameter_um, 1e-3f, 50.0f, "0.001..50 micrometres");
+        return scatteri_check(at, ".phase.diameter_um", phase->diameter_um, 1e-3f, 50.0f,
+                              "0.001..50 micrometres");
     return scatteri_check(at, ".phase.g", phase->g, -0.9999f, 0.9999f, "-0.9999..0.9999") &&
            scatteri_check_amount(at, ".phase.alpha", phase->alpha);
 }
@@ -4772,7 +4982,8 @@ static int scatteri_check_terms(const scatter_host *host, const scatter_medium *
     for (i = 0; i < m->height_count; i++) {
         at.index = (long)i;
         if (!scatteri_check_amount(&at, ".density", m->heights[i].density) ||
-            !scatteri_check(&at, ".y0", m->heights[i].y0, -1e15f, 1e15f, "finite, at most 1e15 m from 0") ||
+            !scatteri_check(&at, ".y0", m->heights[i].y0, -1e15f, 1e15f,
+                            "finite, at most 1e15 m from 0") ||
             !scatteri_check_positive(&at, ".scale", m->heights[i].scale))
             return 0;
     }
@@ -4795,16 +5006,19 @@ static scatter_result scatteri_check_medium(const scatter_host *host, const scat
     size_t i;
     at.host = grid.host = host;
     if (m == NULL)
-        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "medium is NULL, it must point to a scatter_medium");
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "medium is NULL, it must point to a scatter_medium");
     if (!scatteri_check_color(&at, ".extinction", m->extinction, 1e18f, "0..1e18") ||
         !scatteri_check_color(&at, ".albedo", m->albedo, 1.0f, "0..1") ||
         !scatteri_check_color(&at, ".emission", m->emission, 1e18f, "0..1e18") ||
-        !scatteri_check_phase(&at, &m->phase) || (m->bounded && !scatteri_check_box(&at, ".bounds", m->bounds)) ||
+        !scatteri_check_phase(&at, &m->phase) ||
+        (m->bounded && !scatteri_check_box(&at, ".bounds", m->bounds)) ||
         !scatteri_check_amount(&at, ".constant", m->constant))
         return SCATTER_BAD_ARGUMENT;
     result = scatteri_check_array(&at, ".heights", m->heights, ".height_count", m->height_count);
     if (result == SCATTER_OK)
-        result = scatteri_check_array(&at, ".gaussians", m->gaussians, ".gaussian_count", m->gaussian_count);
+        result = scatteri_check_array(&at, ".gaussians", m->gaussians, ".gaussian_count",
+                                      m->gaussian_count);
     if (result == SCATTER_OK)
         result = scatteri_check_array(&at, ".grids", m->grids, ".grid_count", m->grid_count);
     if (result == SCATTER_OK && !scatteri_check_terms(host, m))
@@ -4822,12 +5036,15 @@ static int scatteri_check_light(const scatteri_where *at, const scatter_light *l
     if ((int)light->kind < 0 || (int)light->kind > (int)SCATTER_LIGHT_DIRECTIONAL)
         return scatteri_refuse(at, ".kind", (float)light->kind, "one of scatter_light_kind");
     if (!scatteri_check_color(at, ".intensity", light->intensity, 1e18f, "0..1e18") ||
-        (light->kind != SCATTER_LIGHT_POINT && !scatteri_check_direction(at, ".direction", light->direction)) ||
-        (light->kind != SCATTER_LIGHT_DIRECTIONAL && (!scatteri_check_point(at, ".position", light->position) ||
-                                                      !scatteri_check_amount(at, ".radius", light->radius))))
+        (light->kind != SCATTER_LIGHT_POINT &&
+         !scatteri_check_direction(at, ".direction", light->direction)) ||
+        (light->kind != SCATTER_LIGHT_DIRECTIONAL &&
+         (!scatteri_check_point(at, ".position", light->position) ||
+          !scatteri_check_amount(at, ".radius", light->radius))))
         return 0;
-    return light->kind != SCATTER_LIGHT_SPOT || (scatteri_check(at, ".outer", light->outer, 0.0f, pi, "0..pi") &&
-                                                 scatteri_check(at, ".inner", light->inner, 0.0f, light->outer, "0..outer"));
+    return light->kind != SCATTER_LIGHT_SPOT ||
+           (scatteri_check(at, ".outer", light->outer, 0.0f, pi, "0..pi") &&
+            scatteri_check(at, ".inner", light->inner, 0.0f, light->outer, "0..outer"));
 }
 
 static int scatteri_check_quality(const scatter_host *host, const scatter_quality *q)
@@ -4840,8 +5057,10 @@ static int scatteri_check_quality(const scatter_host *host, const scatter_qualit
         return scatteri_refuse(&at, ".density", (float)q->density, "one of scatter_density_method");
     if ((int)q->ray < 0 || (int)q->ray > (int)SCATTER_RAY_MARCH)
         return scatteri_refuse(&at, ".ray", (float)q->ray, "one of scatter_ray_method");
-    if (q->nodes < 0 || q->nodes > (q->ray == SCATTER_RAY_MARCH ? (int)SCATTERI_STEPS : (int)SCATTERI_NODES))
-        return scatteri_refuse(&at, ".nodes", (float)q->nodes, "1..256 for quadrature, 1..4096 for the march, or 0");
+    if (q->nodes < 0 ||
+        q->nodes > (q->ray == SCATTER_RAY_MARCH ? (int)SCATTERI_STEPS : (int)SCATTERI_NODES))
+        return scatteri_refuse(&at, ".nodes", (float)q->nodes,
+                               "1..256 for quadrature, 1..4096 for the march, or 0");
     if (q->grid != 0 && (q->grid < 2 || q->grid > 1024))
         return scatteri_refuse(&at, ".grid", (float)q->grid, "2..1024, or 0");
     return 1;
@@ -4854,13 +5073,16 @@ static scatter_result scatteri_check_scene(const scatter_host *host, const scatt
     size_t i;
     at.host = host;
     if (scene == NULL)
-        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "scene is NULL, it must point to a scatter_scene");
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "scene is NULL, it must point to a scatter_scene");
     result = scatteri_check_medium(host, &scene->medium);
     if (result != SCATTER_OK)
         return result;
-    if (!scatteri_check_color(&at, ".background", scene->background, FLT_MAX, "finite and not negative"))
+    if (!scatteri_check_color(&at, ".background", scene->background, FLT_MAX,
+                              "finite and not negative"))
         return SCATTER_BAD_ARGUMENT;
-    result = scatteri_check_array(&at, ".lights", scene->lights, ".light_count", scene->light_count);
+    result =
+        scatteri_check_array(&at, ".lights", scene->lights, ".light_count", scene->light_count);
     if (result != SCATTER_OK)
         return result;
     at.array = "lights";
@@ -4886,14 +5108,20 @@ static scatter_result scatteri_check_volume(const scatter_host *host, const scat
     scatteri_where at = {NULL, "volume", -1};
     at.host = host;
     if (v == NULL || v->values == NULL)
-        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "volume.values is NULL, it must hold nx*ny*nz floats");
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "volume.values is NULL, it must hold nx*ny*nz floats");
     if (v->nx < 1 || v->ny < 1 || v->nz < 1) {
         const int least = v->nx < 1 ? v->nx : v->ny < 1 ? v->ny : v->nz;
-        scatteri_refuse(&at, v->nx < 1 ? ".nx" : v->ny < 1 ? ".ny" : ".nz", (float)least, "at least 1");
+        scatteri_refuse(&at,
+                        v->nx < 1   ? ".nx"
+                        : v->ny < 1 ? ".ny"
+                                    : ".nz",
+                        (float)least, "at least 1");
         return SCATTER_BAD_ARGUMENT;
     }
     if (scatteri_bytes((size_t)v->nx, (size_t)v->ny, (size_t)v->nz, sizeof(float)) == 0)
-        return scatteri_fail(host, SCATTER_TOO_LARGE, "volume.nx * ny * nz is more than an int counts");
+        return scatteri_fail(host, SCATTER_TOO_LARGE,
+                             "volume.nx * ny * nz is more than an int counts");
     return scatteri_check_box(&at, ".box", v->box) ? SCATTER_OK : SCATTER_BAD_ARGUMENT;
 }
 
@@ -4903,7 +5131,8 @@ static int scatteri_check_view(const scatter_host *host, const scatter_view *v)
     at.host = host;
     if (v == NULL)
         return scatteri_refuse(&at, "", 0.0f, "a scatter_view");
-    return scatteri_check_point(&at, ".origin", v->origin) && scatteri_check_point(&at, ".origin_dx", v->origin_dx) &&
+    return scatteri_check_point(&at, ".origin", v->origin) &&
+           scatteri_check_point(&at, ".origin_dx", v->origin_dx) &&
            scatteri_check_point(&at, ".origin_dy", v->origin_dy) &&
            scatteri_check_direction(&at, ".direction", v->direction) &&
            scatteri_check_point(&at, ".direction_dx", v->direction_dx) &&
@@ -4913,18 +5142,23 @@ static int scatteri_check_view(const scatter_host *host, const scatter_view *v)
 static scatter_result scatteri_check_image(const scatter_host *host, const scatter_image *i)
 {
     if (i == NULL || i->rgb == NULL)
-        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "image.rgb is NULL, it must hold width*height*3 floats");
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "image.rgb is NULL, it must hold width*height*3 floats");
     if (i->width < 1 || i->height < 1)
         return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "image.%s is %d, it must be at least 1",
-                             i->width < 1 ? "width" : "height", i->width < 1 ? i->width : i->height);
+                             i->width < 1 ? "width" : "height",
+                             i->width < 1 ? i->width : i->height);
     if (scatteri_bytes((size_t)i->width, (size_t)i->height, 3, sizeof(float)) == 0)
-        return scatteri_fail(host, SCATTER_TOO_LARGE, "image.width * height is more than an int counts");
+        return scatteri_fail(host, SCATTER_TOO_LARGE,
+                             "image.width * height is more than an int counts");
     if (i->x0 < 0 || i->x1 > i->width || i->x0 >= i->x1)
-        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "image.x0, x1 are %d, %d, they must be 0 <= x0 < x1 <= width",
-                             i->x0, i->x1);
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "image.x0, x1 are %d, %d, they must be 0 <= x0 < x1 <= width", i->x0,
+                             i->x1);
     if (i->y0 < 0 || i->y1 > i->height || i->y0 >= i->y1)
-        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "image.y0, y1 are %d, %d, they must be 0 <= y0 < y1 <= height",
-                             i->y0, i->y1);
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "image.y0, y1 are %d, %d, they must be 0 <= y0 < y1 <= height", i->y0,
+                             i->y1);
     return SCATTER_OK;
 }
 
@@ -4947,7 +5181,8 @@ SCATTER_API scatter_result scatter_inject(const scatter_host *host, const scatte
     return result == SCATTER_OK ? scatteri_inject(&stage, medium, volume, 1) : result;
 }
 
-static scatter_quality scatteri_resolve(const scatter_quality *quality, const scatter_medium *medium)
+static scatter_quality scatteri_resolve(const scatter_quality *quality,
+                                        const scatter_medium *medium)
 {
     scatter_quality q;
     memset(&q, 0, sizeof q);
@@ -4976,10 +5211,12 @@ SCATTER_API scatter_result scatter_depth_create(const scatter_host *host, scatte
 {
     const scatter_host h = scatteri_host_or_default(host);
     if (depth == NULL)
-        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT, "depth is NULL, it must point to where the object goes");
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT,
+                             "depth is NULL, it must point to where the object goes");
     *depth = (scatter_depth *)scatteri_allocate(&h, sizeof **depth);
     if (*depth == NULL)
-        return scatteri_fail(&h, SCATTER_OUT_OF_MEMORY, "host.allocate gave no memory for a scatter_depth");
+        return scatteri_fail(&h, SCATTER_OUT_OF_MEMORY,
+                             "host.allocate gave no memory for a scatter_depth");
     memset(*depth, 0, sizeof **depth);
     (*depth)->host = h;
     return SCATTER_OK;
@@ -5007,14 +5244,17 @@ static scatter_result scatteri_check_source(const scatter_host *host, const scat
     scatteri_where at = {NULL, "source", -1};
     at.host = host;
     if (source == NULL)
-        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "source is NULL, it must point to a scatter_source");
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "source is NULL, it must point to a scatter_source");
     return (source->directional ? scatteri_check_direction(&at, ".direction", source->direction)
                                 : scatteri_check_point(&at, ".position", source->position))
-               ? SCATTER_OK : SCATTER_BAD_ARGUMENT;
+               ? SCATTER_OK
+               : SCATTER_BAD_ARGUMENT;
 }
 
 SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scatter_medium *medium,
-                                                const scatter_source *source, const scatter_quality *quality)
+                                                const scatter_source *source,
+                                                const scatter_quality *quality)
 {
     scatteri_stage stage = {NULL, 0.0f, 1.0f};
     scatter_result result;
@@ -5039,7 +5279,8 @@ SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scat
     if (scatteri_reads_injected(q.depth) && depth->own.has_local) {
         depth->injected = &depth->own_injected;
         stage.high = 0.5f;
-        result = scatteri_build_injected(&stage, &depth->own, q.grid, &depth->own_memory, &depth->own_injected);
+        result = scatteri_build_injected(&stage, &depth->own, q.grid, &depth->own_memory,
+                                         &depth->own_injected);
         stage.low = stage.high;
         stage.high = 1.0f;
     }
@@ -5055,10 +5296,12 @@ SCATTER_API scatter_result scatter_create(const scatter_host *host, scatter_cont
 {
     const scatter_host h = scatteri_host_or_default(host);
     if (context == NULL)
-        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT, "context is NULL, it must point to where the object goes");
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT,
+                             "context is NULL, it must point to where the object goes");
     *context = (scatter_context *)scatteri_allocate(&h, sizeof **context);
     if (*context == NULL)
-        return scatteri_fail(&h, SCATTER_OUT_OF_MEMORY, "host.allocate gave no memory for a scatter_context");
+        return scatteri_fail(&h, SCATTER_OUT_OF_MEMORY,
+                             "host.allocate gave no memory for a scatter_context");
     memset(*context, 0, sizeof **context);
     (*context)->host = h;
     return SCATTER_OK;
@@ -5087,7 +5330,8 @@ static scatter_result scatteri_reserve_lights(scatter_context *c, int count)
         return SCATTER_OK;
     lights = (scatteri_light *)scatteri_allocate(&c->host, (size_t)count * sizeof *lights);
     if (lights == NULL)
-        return scatteri_fail(&c->host, SCATTER_OUT_OF_MEMORY, "host.allocate gave no memory for %d lights", count);
+        return scatteri_fail(&c->host, SCATTER_OUT_OF_MEMORY,
+                             "host.allocate gave no memory for %d lights", count);
     memset(lights, 0, (size_t)count * sizeof *lights);
     if (c->light_room > 0)
         memcpy(lights, c->lights, (size_t)c->light_room * sizeof *lights);
@@ -5109,12 +5353,14 @@ static scatter_source scatteri_source_of(const scatter_light *light)
 static int scatteri_same_source(const scatter_source *a, const scatter_source *b)
 {
     return memcmp(&a->position, &b->position, sizeof a->position) == 0 &&
-           memcmp(&a->direction, &b->direction, sizeof a->direction) == 0 && a->directional == b->directional;
+           memcmp(&a->direction, &b->direction, sizeof a->direction) == 0 &&
+           a->directional == b->directional;
 }
 
 /* Takes over one light; its depth is propagated again only if the light moved or `anew`. */
-static scatter_result scatteri_update_light(scatter_context *c, scatteri_light *light, const scatter_light *desc,
-                                            const scatteri_stage *stage, int anew)
+static scatter_result scatteri_update_light(scatter_context *c, scatteri_light *light,
+                                            const scatter_light *desc, const scatteri_stage *stage,
+                                            int anew)
 {
     const scatter_source source = scatteri_source_of(desc);
     scatter_depth *d = &light->depth;
@@ -5159,7 +5405,8 @@ static scatter_result scatteri_update_medium(scatter_context *c, const scatter_s
     if (result != SCATTER_OK || !c->has_injected)
         return result;
     c->stats.injections++;
-    return scatteri_build_injected(&stage, &c->medium, c->quality.grid, &c->injected_memory, &c->injected);
+    return scatteri_build_injected(&stage, &c->medium, c->quality.grid, &c->injected_memory,
+                                   &c->injected);
 }
 
 static void scatteri_choose_fields(scatter_context *c)
@@ -5184,7 +5431,8 @@ static void scatteri_update_rules(scatter_context *c)
     }
 }
 
-static scatter_result scatteri_update_lights(scatter_context *c, const scatter_scene *scene, int anew)
+static scatter_result scatteri_update_lights(scatter_context *c, const scatter_scene *scene,
+                                             int anew)
 {
     scatter_result result = scatteri_reserve_lights(c, (int)scene->light_count);
     int i;
@@ -5214,7 +5462,8 @@ SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scen
     before = c->quality;
     c->quality = scatteri_resolve(quality, &scene->medium);
     anew = !was_ready || before.depth != c->quality.depth || before.density != c->quality.density ||
-           before.grid != c->quality.grid || !scatteri_same_density(&c->medium.desc, &scene->medium);
+           before.grid != c->quality.grid ||
+           !scatteri_same_density(&c->medium.desc, &scene->medium);
     if (anew)
         result = scatteri_update_medium(c, scene);
     else
@@ -5251,7 +5500,8 @@ static int scatteri_ready(const scatter_context *c)
     if (c == NULL)
         return 0;
     if (!c->ready)
-        scatteri_fail(&c->host, SCATTER_BAD_ARGUMENT, "context holds no scene, call scatter_update before");
+        scatteri_fail(&c->host, SCATTER_BAD_ARGUMENT,
+                      "context holds no scene, call scatter_update before");
     return c->ready;
 }
 
@@ -5268,7 +5518,8 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
         return SCATTER_BAD_ARGUMENT;
     at.host = &c->host;
     if (ray == NULL || sample == NULL)
-        return scatteri_fail(at.host, SCATTER_BAD_ARGUMENT, "%s is NULL", ray == NULL ? "ray" : "sample");
+        return scatteri_fail(at.host, SCATTER_BAD_ARGUMENT, "%s is NULL",
+                             ray == NULL ? "ray" : "sample");
     if (!scatteri_check_point(&at, ".origin", ray->origin) ||
         !scatteri_check_direction(&at, ".direction", ray->direction))
         return SCATTER_BAD_ARGUMENT;
@@ -5276,14 +5527,17 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
     if (hit != NULL && !scatteri_check_hit(&at, hit))
         return SCATTER_BAD_ARGUMENT;
     direction = scatteri_unit(ray->direction);
-    if (hit == NULL && c->scene.surface != NULL && c->scene.surface(c->scene.user, ray->origin, direction, &found))
+    if (hit == NULL && c->scene.surface != NULL &&
+        c->scene.surface(c->scene.user, ray->origin, direction, &found))
         hit = &found;
     eye.context = c;
     for (l = 0; l < SCATTERI_LANES; l++)
-        scatteri_set_ray(&eye.rays, l, ray->origin, direction, hit != NULL ? hit->distance : SCATTERI_FAR);
+        scatteri_set_ray(&eye.rays, l, ray->origin, direction,
+                         hit != NULL ? hit->distance : SCATTERI_FAR);
     scatteri_look(&eye, samples);
     *sample = samples[0];
-    sample->surface = hit != NULL ? scatteri_shade(c, hit, ray->origin, direction) : c->scene.background;
+    sample->surface =
+        hit != NULL ? scatteri_shade(c, hit, ray->origin, direction) : c->scene.background;
     return SCATTER_OK;
 }
 
@@ -5295,7 +5549,8 @@ SCATTER_API scatter_result scatter_render(const scatter_context *c, const scatte
     if (!scatteri_ready(c) || !scatteri_check_view(&c->host, view))
         return SCATTER_BAD_ARGUMENT;
     if (image == NULL)
-        return scatteri_fail(&c->host, SCATTER_BAD_ARGUMENT, "image is NULL, it must point to a scatter_image");
+        return scatteri_fail(&c->host, SCATTER_BAD_ARGUMENT,
+                             "image is NULL, it must point to a scatter_image");
     job.context = c;
     job.view = scatteri_scaled_view(view);
     job.image = *image;
