@@ -3557,8 +3557,8 @@ static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth
    shadows), the pieces are cut into panels as the medium needs, a panel takes `nodes` nodes. Each ray makes its own
    list of panels; then panel p of all 16 rays is evaluated at once. */
 
-#define SCATTERI_PANEL                                                                             \
-    12.0f /* widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel */
+/* Widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel. */
+#define SCATTERI_PANEL 11.0f
 
 enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 64, SCATTERI_BISECTIONS = 16, SCATTERI_PANELS = 64 };
 
