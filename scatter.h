@@ -4596,7 +4596,8 @@ static scatter_vec3 scatteri_unit(scatter_vec3 v)
 {
     const float most =
         scatteri_max(scatteri_abs(v.x), scatteri_max(scatteri_abs(v.y), scatteri_abs(v.z)));
-    return scatteri_normalize(scatteri_scale(v, most > 0.0f ? 1.0f / most : 0.0f));
+    /* divided, not scaled: 1/most of a denormal is infinite */
+    return most > 0.0f ? scatteri_normalize(scatteri_v3(v.x / most, v.y / most, v.z / most)) : v;
 }
 
 /* Ray number l of a packet; `end`: where a surface ends it. */
@@ -4638,13 +4639,14 @@ SCATTERI_HOT static void scatteri_aim(const scatteri_picture *job, int x, int y,
         const float dx = v->direction.x + (v->direction_dx.x * a + v->direction_dy.x * b);
         const float dy = v->direction.y + (v->direction_dx.y * a + v->direction_dy.y * b);
         const float dz = v->direction.z + (v->direction_dx.z * a + v->direction_dy.z * b);
-        const float inverse = scatteri_rsqrt(dx * dx + dy * dy + dz * dz);
+        const float square = dx * dx + dy * dy + dz * dz, inverse = scatteri_rsqrt(square);
         rays->ox[l] = v->origin_dx.x * a + v->origin_dy.x * b;
         rays->oy[l] = v->origin_dx.y * a + v->origin_dy.y * b;
         rays->oz[l] = v->origin_dx.z * a + v->origin_dy.z * b;
-        rays->dx[l] = dx * inverse;
-        rays->dy[l] = dy * inverse;
-        rays->dz[l] = dz * inverse;
+        /* a pixel whose direction is 0 looks along x */
+        rays->dx[l] = scatteri_choose(square, 1e-30f, 1.0f, dx * inverse);
+        rays->dy[l] = scatteri_choose(square, 1e-30f, 0.0f, dy * inverse);
+        rays->dz[l] = scatteri_choose(square, 1e-30f, 0.0f, dz * inverse);
         rays->t0[l] = 0.0f;
         rays->t1[l] = SCATTERI_FAR;
     }
@@ -4694,9 +4696,9 @@ static scatter_view scatteri_scaled_view(const scatter_view *view)
         most = scatteri_max(most,
                             scatteri_max(scatteri_abs(d[i].x),
                                          scatteri_max(scatteri_abs(d[i].y), scatteri_abs(d[i].z))));
-    scaled.direction = scatteri_scale(d[0], 1.0f / most);
-    scaled.direction_dx = scatteri_scale(d[1], 1.0f / most);
-    scaled.direction_dy = scatteri_scale(d[2], 1.0f / most);
+    scaled.direction = scatteri_v3(d[0].x / most, d[0].y / most, d[0].z / most);
+    scaled.direction_dx = scatteri_v3(d[1].x / most, d[1].y / most, d[1].z / most);
+    scaled.direction_dy = scatteri_v3(d[2].x / most, d[2].y / most, d[2].z / most);
     return scaled;
 }
 
@@ -5536,8 +5538,12 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
                          hit != NULL ? hit->distance : SCATTERI_FAR);
     scatteri_look(&eye, samples);
     *sample = samples[0];
-    sample->surface =
-        hit != NULL ? scatteri_shade(c, hit, ray->origin, direction) : c->scene.background;
+    sample->surface = c->scene.background;
+    if (hit != NULL) {
+        found = *hit;
+        found.normal = scatteri_unit(hit->normal);
+        sample->surface = scatteri_shade(c, &found, ray->origin, direction);
+    }
     return SCATTER_OK;
 }
 
