@@ -1940,6 +1940,13 @@ static float scatteri_most(const float *lanes)
     return most;
 }
 
+/* How much earlier than at their full reach Gaussians end, in units of a^2 r^2. A rule of few nodes errs by more than
+   their thin rims hold. */
+typedef struct scatteri_trim {
+    float rays;  /* the stretch of an eye ray that takes nodes; the depth across it stays whole */
+    float depth; /* whole Gaussians are left out of depth and density */
+} scatteri_trim;
+
 /* A box with its own axes, low <= axis . x <= high, x relative to `ref`. */
 typedef struct scatteri_slabs {
     scatter_vec3 ref, axis[3];
@@ -1968,7 +1975,7 @@ SCATTERI_HOT static void scatteri_hold_rays(scatteri_slabs *slabs, const scatter
 
 /* Which of 16 Gaussians reach the box. */
 SCATTERI_FN int scatteri_near_slabs(const scatteri_gaussians *g, const scatteri_slabs *slabs,
-                                    int first, int *SCATTERI_RESTRICT keep)
+                                    float trim, int first, int *SCATTERI_RESTRICT keep)
 {
     float worst[SCATTERI_LANES];
     int i, l, any = 0;
@@ -1984,17 +1991,20 @@ SCATTERI_FN int scatteri_near_slabs(const scatteri_gaussians *g, const scatteri_
         }
     }
     for (l = 0; l < SCATTERI_LANES; l++) {
-        keep[l] = g->a[first + l] * g->a[first + l] * worst[l] * worst[l] < g->reach[first + l];
+        keep[l] = g->a[first + l] * g->a[first + l] * worst[l] * worst[l] <
+                  g->reach[first + l] - trim;
         any |= keep[l];
     }
     return any;
 }
 
 typedef struct scatteri_page {
+    scatteri_trim trim; /* set before Gaussians are gathered */
     int count;
     int next;     /* the first Gaussian that was not looked at */
     int complete; /* all that reach the rays are here */
-    float a[SCATTERI_PAGE], c[SCATTERI_PAGE], reach[SCATTERI_PAGE];
+    float a[SCATTERI_PAGE], c[SCATTERI_PAGE];
+    float reach[SCATTERI_PAGE]; /* where the stretch with nodes ends */
     float scale[SCATTERI_PAGE]; /* c sqrt(pi)/(2a) */
     float m[SCATTERI_PAGE][SCATTERI_LANES];
     float fade[SCATTERI_PAGE][SCATTERI_LANES]; /* a^2 h^2 */
@@ -2010,7 +2020,8 @@ SCATTERI_FN void scatteri_add_to_page(const scatteri_gaussians *g, int from,
 {
     const float x = g->x[from] - rays->ref.x, y = g->y[from] - rays->ref.y,
                 z = g->z[from] - rays->ref.z;
-    const float a = g->a[from], reach = g->reach[from], scale = g->c[from] * 0.886226925f / a;
+    const float a = g->a[from], reach = g->reach[from] - page->trim.depth;
+    const float scale = g->c[from] * 0.886226925f / a;
     const int i = page->count;
     float *m = page->m[i], *fade = page->fade[i], *before = page->before[i],
           *behind = page->behind[i];
@@ -2036,7 +2047,7 @@ SCATTERI_FN void scatteri_add_to_page(const scatteri_gaussians *g, int from,
     }
     page->a[i] = a;
     page->c[i] = g->c[from];
-    page->reach[i] = reach;
+    page->reach[i] = g->reach[from] - page->trim.rays;
     page->scale[i] = scale;
     page->count++;
 }
@@ -2051,7 +2062,7 @@ SCATTERI_HOT static void scatteri_gather(const scatteri_gaussians *g, const scat
     page->count = 0;
     for (; first < g->padded && page->count <= SCATTERI_PAGE - SCATTERI_LANES;
          first += SCATTERI_LANES) {
-        if (!scatteri_near_slabs(g, slabs, first, keep))
+        if (!scatteri_near_slabs(g, slabs, page->trim.depth, first, keep))
             continue;
         for (l = 0; l < SCATTERI_LANES; l++)
             if (keep[l])
@@ -2227,6 +2238,7 @@ SCATTERI_HOT static void scatteri_face_source(const scatter_source *source,
 
 typedef struct scatteri_shadows {
     const scatteri_medium *medium;
+    float trim;                                                 /* see scatteri_trim.depth */
     scatteri_slabs slabs;                                       /* hold the segments */
     int count, next, complete;                                  /* as in scatteri_page */
     float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre, relative to slabs.ref */
@@ -2290,7 +2302,7 @@ SCATTERI_HOT static void scatteri_gather_shadows(scatteri_shadows *s, int first)
     s->count = 0;
     for (; first < g->padded && s->count <= SCATTERI_PAGE - SCATTERI_LANES;
          first += SCATTERI_LANES) {
-        if (!scatteri_near_slabs(g, &s->slabs, first, keep))
+        if (!scatteri_near_slabs(g, &s->slabs, s->trim, first, keep))
             continue;
         for (l = 0; l < SCATTERI_LANES; l++) {
             const int i = s->count;
@@ -2311,8 +2323,10 @@ SCATTERI_HOT static void scatteri_gather_shadows(scatteri_shadows *s, int first)
 
 /* Points on the rays between t0 and t1 will ask for their depth. */
 static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *medium,
-                                   const scatter_source *source, const scatteri_rays *rays)
+                                   const scatter_source *source, const scatteri_rays *rays,
+                                   float trim)
 {
+    s->trim = trim;
     s->medium = medium;
     s->slabs = scatteri_slabs_to_source(rays, source);
     s->source = scatteri_sub(source->position, rays->ref);
@@ -2504,7 +2518,7 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
     const scatteri_rays row = scatteri_row(d, j, k);
     float depth[SCATTERI_POINTS];
     int start, i;
-    scatteri_begin_shadows(shadows, d->medium, &d->source, &row);
+    scatteri_begin_shadows(shadows, d->medium, &d->source, &row, 0.0f);
     p->ref = row.ref;
     for (start = 0; start < d->nx; start += SCATTERI_POINTS) {
         const int left = d->nx - start < SCATTERI_POINTS ? d->nx - start : SCATTERI_POINTS;
@@ -2973,6 +2987,7 @@ static void scatteri_fill_columns(const scatter_depth *d, int i, int j, scatteri
     scatteri_columns(d, i, j, &w->rays);
     scatteri_cut_columns(&d->medium->desc, &w->rays);
     slabs = scatteri_slabs_of_rays(&w->rays);
+    w->page.trim.rays = w->page.trim.depth = 0.0f;
     scatteri_gather(&d->medium->gaussians, &w->rays, &slabs, 0, &w->page);
     memcpy(w->last, w->rays.t0, sizeof w->last);
     memset(w->running, 0, sizeof w->running);
@@ -3335,6 +3350,7 @@ typedef struct scatteri_light {
     scatter_light desc; /* direction of unit length */
     scatter_source source;
     float cos_inner, cos_outer;
+    int in_rim; /* of the Gaussians: density at the light lies where rays are trimmed; -1: not known */
     scatter_depth depth;
 } scatteri_light;
 
@@ -3360,6 +3376,7 @@ struct scatter_context {
     int field_count;
     int exact;                           /* Gaussians are evaluated at the nodes */
     scatteri_rule rules[SCATTERI_RULES]; /* rule i has about (i + 1)/8 of `nodes` nodes */
+    scatteri_trim trim;
     int ready;
     scatter_stats stats;
 };
@@ -3430,7 +3447,7 @@ static void scatteri_light_depth(const scatter_context *c, const scatteri_light 
         scatteri_add_analytic(&c->medium.desc, n->count, &n->points, depth);
     if (light->depth.method == SCATTER_DEPTH_CLOSED) {
         scatteri_shadows shadows;
-        scatteri_begin_shadows(&shadows, &c->medium, &light->source, span);
+        scatteri_begin_shadows(&shadows, &c->medium, &light->source, span, c->trim.depth);
         scatteri_add_shadows(&shadows, n->count, &n->points, depth);
     } else {
         scatteri_read_depth(&light->depth, n->count, &n->points, depth);
@@ -3559,6 +3576,10 @@ static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth
 
 /* Widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel. */
 #define SCATTERI_PANEL 11.0f
+/* Features of a light's own peak in a unit of u: measured beside lamps in dense media. */
+#define SCATTERI_PEAK 2.0f
+/* Distances of a light from a ray up to which its glow is followed on both sides: 5/6 of the light in even fog. */
+#define SCATTERI_GLOW 4.0f
 
 enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 64, SCATTERI_BISECTIONS = 16, SCATTERI_PANELS = 64 };
 
@@ -3576,13 +3597,14 @@ typedef struct scatteri_pass {
     int first, end;            /* lights; local ones only alone */
     const scatteri_light *cut; /* the one light whose cone and shadows cut the ray, or NULL */
     scatteri_map map;
+    float from[SCATTERI_LANES], to[SCATTERI_LANES]; /* Gaussians count in between */
 } scatteri_pass;
 
 typedef struct scatteri_eye {
     const scatter_context *context;
     scatteri_rays rays; /* depth counts from rays.t0 */
     scatteri_page page;
-    float hull0[SCATTERI_LANES], hull1[SCATTERI_LANES]; /* Gaussians reach the ray in between */
+    float hull0[SCATTERI_LANES], hull1[SCATTERI_LANES]; /* Gaussians, trimmed, reach the ray */
     float features[SCATTERI_LANES];                     /* most features a metre, see "panels" */
     int samples; /* cells of the profile: voxel depth along the rays */
     float profile0[SCATTERI_LANES], profile1[SCATTERI_LANES], step[SCATTERI_LANES],
@@ -3650,6 +3672,7 @@ static void scatteri_gather_eye(scatteri_eye *eye)
 {
     const scatteri_medium *m = &eye->context->medium;
     const scatteri_slabs slabs = scatteri_slabs_of_rays(&eye->rays);
+    eye->page.trim = eye->context->trim;
     eye->page.next = 0;
     do {
         scatteri_gather(&m->gaussians, &eye->rays, &slabs, eye->page.next, &eye->page);
@@ -3792,34 +3815,60 @@ static void scatteri_fill_nodes(scatteri_eye *eye)
         scatteri_add_fog(&c->medium.desc, rays, n->count, n->t, n->density, n->depth);
 }
 
+/* A row of nodes: Gauss-Legendre `node` and `weight`, or, where cells is 1, the cell around `middle` with its `share`. */
+SCATTERI_FN void scatteri_place_row(const float *SCATTERI_RESTRICT ua,
+                                    const float *SCATTERI_RESTRICT ub,
+                                    const float *SCATTERI_RESTRICT cells, scatteri_vec2 node,
+                                    scatteri_vec2 cell, float *SCATTERI_RESTRICT t,
+                                    float *SCATTERI_RESTRICT w)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float half = 0.5f * (ub[l] - ua[l]);
+        t[l] = ua[l] + half * (1.0f + node.x + cells[l] * (cell.x - node.x));
+        w[l] = half * (node.y + cells[l] * (cell.y - node.y));
+    }
+}
+
+/* The row on a local light's map. */
+SCATTERI_FN void scatteri_stretch_row(const scatteri_map *map, float *SCATTERI_RESTRICT t,
+                                      float *SCATTERI_RESTRICT w)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const scatteri_vec2 at = scatteri_stretch(map->t0[l], map->d[l], t[l]);
+        t[l] = at.x;
+        w[l] *= at.y;
+    }
+}
+
+SCATTERI_FN void scatteri_multiply_row(const float *SCATTERI_RESTRICT a,
+                                       const float *SCATTERI_RESTRICT b,
+                                       float *SCATTERI_RESTRICT product)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        product[l] = a[l] * b[l];
+}
+
 /* Rows first..first+rows of the nodes of panel p. */
 SCATTERI_HOT static void scatteri_place_nodes(const scatteri_rule *rule, const scatteri_map *map,
                                               const scatteri_panels *panels, int p, int first,
                                               int rows, scatteri_nodes *n)
 {
-    const float count = (float)rule->count;
     const float *ua = panels->ua[p], *ub = panels->ub[p], *cells = panels->cells[p];
-    int k, l;
+    const float share = 2.0f / (float)rule->count;
+    int k;
     n->count = rows * SCATTERI_LANES;
     for (k = 0; k < rows; k++) {
-        const float node = rule->node[first + k], weight = rule->weight[first + k];
-        const float middle = (2.0f * (float)(first + k) + 1.0f) / count - 1.0f;
-        float *SCATTERI_RESTRICT t = n->t + k * SCATTERI_LANES,
-                                 *SCATTERI_RESTRICT w = n->weight + k * SCATTERI_LANES;
-        float *SCATTERI_RESTRICT cell = n->cell + k * SCATTERI_LANES;
-        for (l = 0; l < SCATTERI_LANES; l++) {
-            const float half = 0.5f * (ub[l] - ua[l]);
-            t[l] = ua[l] + half * (1.0f + node + cells[l] * (middle - node));
-            w[l] = half * (weight + cells[l] * (2.0f / count - weight));
-        }
+        const scatteri_vec2 node = scatteri_v2(rule->node[first + k], rule->weight[first + k]);
+        const scatteri_vec2 cell =
+            scatteri_v2(share * ((float)(first + k) + 0.5f) - 1.0f, share);
+        float *t = n->t + k * SCATTERI_LANES, *w = n->weight + k * SCATTERI_LANES;
+        scatteri_place_row(ua, ub, cells, node, cell, t, w);
         if (map->local)
-            for (l = 0; l < SCATTERI_LANES; l++) {
-                const scatteri_vec2 at = scatteri_stretch(map->t0[l], map->d[l], t[l]);
-                t[l] = at.x;
-                w[l] *= at.y;
-            }
-        for (l = 0; l < SCATTERI_LANES; l++)
-            cell[l] = cells[l] * w[l];
+            scatteri_stretch_row(map, t, w);
+        scatteri_multiply_row(cells, w, n->cell + k * SCATTERI_LANES);
     }
 }
 
@@ -4046,6 +4095,17 @@ SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, int l, flo
     }
 }
 
+/* Keeps the bins around the light from being empty. */
+static void scatteri_rate_glow(const scatteri_map *map, int l, scatteri_bins *bins)
+{
+    const float low = map->t0[l] - SCATTERI_GLOW * map->d[l];
+    const float high = map->t0[l] + SCATTERI_GLOW * map->d[l];
+    int b;
+    for (b = 0; b < SCATTERI_BINS && map->local; b++)
+        if (low < bins->high[b] && high > bins->low[b])
+            bins->rate[b] = scatteri_max(bins->rate[b], 1e-30f);
+}
+
 static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int cells,
                                scatteri_bins *bins)
 {
@@ -4065,10 +4125,12 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
         scatteri_rate_gaussians(&eye->page, l, c->medium.sigma_most, bins);
     for (b = 0; b < SCATTERI_BINS && !eye->page.complete; b++)
         bins->rate[b] = scatteri_max(bins->rate[b], eye->features[l] * bins->stretch[b]);
+    if (eye->pass.cut != NULL && eye->pass.cut->in_rim)
+        scatteri_rate_glow(&eye->pass.map, l, bins);
     if (eye->pass.cut != NULL && eye->pass.cut->depth.method == SCATTER_DEPTH_CLOSED)
         scatteri_rate_shadows(&eye->cast, &eye->rays, l, &eye->pass.cut->source, bins);
     for (b = 0; b < SCATTERI_BINS && eye->pass.map.local; b++)
-        bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], 1.0f) : 0.0f;
+        bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], SCATTERI_PEAK) : 0.0f;
 }
 
 /* A run of bins that are not empty: panels of at most SCATTERI_PANEL widths of the narrowest feature in them, up to
@@ -4115,8 +4177,8 @@ static void scatteri_add_piece(scatteri_eye *eye, int l, float ta, float tb)
     scatteri_bins bins;
     int b = 0, end;
     if (!cells && !c->medium.has_analytic &&
-        scatteri_max(eye->features[l] * (tb - ta), eye->pass.map.local ? ub - ua : 0.0f) <=
-            SCATTERI_PANEL) {
+        scatteri_max(eye->features[l] * (tb - ta),
+                     eye->pass.map.local ? SCATTERI_PEAK * (ub - ua) : 0.0f) <= SCATTERI_PANEL) {
         scatteri_add_panel(eye, l, ua, ub, 0);
         return;
     }
@@ -4236,7 +4298,7 @@ static int scatteri_in_cone(const scatteri_eye *eye, int l, float t)
 
 static int scatteri_filled(const scatteri_eye *eye, int l, float t)
 {
-    return eye->context->medium.has_analytic || (t > eye->hull0[l] && t < eye->hull1[l]) ||
+    return eye->context->medium.has_analytic || (t > eye->pass.from[l] && t < eye->pass.to[l]) ||
            (eye->samples > 0 && t > eye->profile0[l] && t < eye->profile1[l]);
 }
 
@@ -4246,8 +4308,8 @@ static void scatteri_find_edges(const scatteri_eye *eye, int l, scatteri_edges *
     edges->count = 2;
     edges->t[0] = eye->rays.t0[l];
     edges->t[1] = eye->rays.t1[l];
-    scatteri_add_edge(edges, eye->hull0[l]);
-    scatteri_add_edge(edges, eye->hull1[l]);
+    scatteri_add_edge(edges, eye->pass.from[l]);
+    scatteri_add_edge(edges, eye->pass.to[l]);
     if (eye->samples > 0) {
         scatteri_add_edge(edges, eye->profile0[l]);
         scatteri_add_edge(edges, eye->profile1[l]);
@@ -4289,8 +4351,8 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
         (light != NULL && (light->desc.kind == SCATTER_LIGHT_SPOT || c->scene.visible != NULL)))
         return SCATTERI_FAR;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        panels->ua[0][l] = eye->hull0[l];
-        panels->ub[0][l] = scatteri_max(eye->hull1[l], eye->hull0[l]);
+        panels->ua[0][l] = eye->pass.from[l];
+        panels->ub[0][l] = eye->pass.to[l];
         panels->cells[0][l] = 0.0f;
         features[l] = eye->features[l] * (panels->ub[0][l] - panels->ua[0][l]);
     }
@@ -4301,7 +4363,7 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
         const float ub = scatteri_asinh((panels->ub[0][l] - map->t0[l]) / map->d[l]);
         panels->ua[0][l] = ua;
         panels->ub[0][l] = ub;
-        features[l] = scatteri_max(features[l], ub - ua);
+        features[l] = scatteri_max(features[l], SCATTERI_PEAK * (ub - ua));
     }
     return scatteri_most(features);
 }
@@ -4314,17 +4376,37 @@ static const scatteri_rule *scatteri_rule_for(const scatter_context *c, float fe
     return rule != NULL && rule->count > 0 ? rule : NULL;
 }
 
+/* Around a light in the rim of the medium the glow counts, however thin the medium is there. */
+static void scatteri_add_glow(scatteri_eye *eye)
+{
+    scatteri_pass *pass = &eye->pass;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float low = pass->map.t0[l] - SCATTERI_GLOW * pass->map.d[l];
+        const float high = pass->map.t0[l] + SCATTERI_GLOW * pass->map.d[l];
+        const float from = pass->from[l] < pass->to[l] ? scatteri_min(pass->from[l], low) : low;
+        const float to = pass->from[l] < pass->to[l] ? scatteri_max(pass->to[l], high) : high;
+        pass->from[l] = scatteri_clamp(from, eye->rays.t0[l], eye->rays.t1[l]);
+        pass->to[l] = scatteri_clamp(to, eye->rays.t0[l], eye->rays.t1[l]);
+    }
+}
+
 static void scatteri_run_pass(scatteri_eye *eye)
 {
-    const scatteri_rule *rule = scatteri_rule_for(eye->context, scatteri_one_panel(eye));
+    const scatteri_rule *rule;
     int l;
+    memcpy(eye->pass.from, eye->hull0, sizeof eye->hull0);
+    memcpy(eye->pass.to, eye->hull1, sizeof eye->hull1);
+    if (eye->pass.cut != NULL && eye->pass.cut->in_rim && eye->pass.map.local)
+        scatteri_add_glow(eye);
+    rule = scatteri_rule_for(eye->context, scatteri_one_panel(eye));
     if (rule != NULL) {
         scatteri_evaluate_panel(eye, 0, rule);
         return;
     }
     if (eye->pass.cut != NULL)
         scatteri_begin_shadows(&eye->cast, &eye->context->medium, &eye->pass.cut->source,
-                               &eye->rays);
+                               &eye->rays, eye->context->trim.depth);
     for (l = 0; l < SCATTERI_LANES; l++)
         if (eye->rays.t0[l] < eye->rays.t1[l])
             scatteri_cut_ray(eye, l);
@@ -5376,6 +5458,7 @@ static scatter_result scatteri_update_light(scatter_context *c, scatteri_light *
     light->cos_outer = (float)cos((double)desc->outer);
     if (!anew && d->ready && scatteri_same_source(&source, &light->source))
         return SCATTER_OK;
+    light->in_rim = -1;
     d->ready = 0;
     d->host = c->host;
     d->medium = &c->medium;
@@ -5433,6 +5516,43 @@ static void scatteri_update_rules(scatter_context *c)
     }
 }
 
+/* Few nodes: e^-7 of a Gaussian is left out, e^-14 from 25 nodes on. What is left out of depth stays below 1e-4 of
+   transmittance, since `reach` holds the Gaussian's own depth but not sigma. */
+static scatteri_trim scatteri_trim_for(const scatter_context *c)
+{
+    const float dense = scatteri_log(scatteri_max(c->medium.sigma_most, 1.0f));
+    const float few = scatteri_clamp(12.5f - 0.5f * (float)c->quality.nodes, 0.0f, 7.0f);
+    scatteri_trim trim;
+    trim.rays = c->quality.ray == SCATTER_RAY_QUADRATURE ? scatteri_max(few - dense, 0.0f) : 0.0f;
+    trim.depth = scatteri_max(trim.rays - 4.5f, 0.0f);
+    return trim;
+}
+
+/* Whether a Gaussian reaches the point, but none so far that rays beside the point would be sure to count it. */
+static int scatteri_in_rim(const scatteri_gaussians *g, float trim, scatter_vec3 x)
+{
+    int i, some = 0;
+    for (i = 0; i < g->padded; i++) {
+        const scatter_vec3 d = scatteri_sub(scatteri_v3(g->x[i], g->y[i], g->z[i]), x);
+        const float e = g->a[i] * g->a[i] * scatteri_dot(d, d);
+        some |= e < g->reach[i];
+        if (e < g->reach[i] - trim - 2.0f)
+            return 0;
+    }
+    return some && trim > 0.0f;
+}
+
+static void scatteri_update_trim(scatter_context *c)
+{
+    const scatteri_trim before = c->trim;
+    int i;
+    c->trim = scatteri_trim_for(c);
+    for (i = 0; i < c->light_count; i++)
+        if (c->lights[i].in_rim < 0 || before.rays != c->trim.rays)
+            c->lights[i].in_rim =
+                scatteri_in_rim(&c->medium.gaussians, c->trim.rays, c->lights[i].desc.position);
+}
+
 static scatter_result scatteri_update_lights(scatter_context *c, const scatter_scene *scene,
                                              int anew)
 {
@@ -5476,6 +5596,7 @@ SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scen
         return result;
     if (!was_ready || before.nodes != c->quality.nodes || before.ray != c->quality.ray)
         scatteri_update_rules(c);
+    scatteri_update_trim(c);
     scatteri_choose_fields(c);
     c->scene = *scene;
     c->ready = 1;
