@@ -539,9 +539,12 @@ SCATTERI_FN float scatteri_cap(float x, float top) {
     return scatteri_from_bits((unsigned)(b < t ? b : t));
 }
 
-/* Nearest to x in [-top, top]. */
+/* Nearest to x in [-top, top], top >= 0. The bits of negative floats, taken as unsigned, are above those of positive
+   ones and ordered by size. */
 SCATTERI_FN float scatteri_within(float x, float top) {
-    return scatteri_max(scatteri_min(x, top), -top);
+    unsigned b = scatteri_bits(scatteri_cap(x, top));
+    unsigned low = scatteri_bits(-top);
+    return scatteri_from_bits(b < low ? b : low);
 }
 
 /* Largest integer <= x; |x| < 2^31. */
@@ -557,8 +560,8 @@ SCATTERI_FN float scatteri_exp_near_0(float f) {
     p = p * f + 0.04166655462f;
     p = p * f + 0.1666657699f;
     p = p * f + 0.5f;
-    p = (p * f * f + f) + 1.0f;
-    return p;
+    p = p * f + 1.0f;
+    return p * f + 1.0f;
 }
 
 /* e^x = 2^n e^f with |f| <= log(2)/2. Error 1e-7; 0 below x = -87.336, 2.4e38 above x = 88.37.
@@ -1954,7 +1957,8 @@ typedef struct scatteri_slabs {
 } scatteri_slabs;
 
 /* Around both ends of all rays. */
-SCATTERI_HOT static void scatteri_hold_rays(scatteri_slabs *slabs, const scatteri_rays *rays)
+SCATTERI_HOT static void scatteri_hold_rays(scatteri_slabs *SCATTERI_RESTRICT slabs,
+                                            const scatteri_rays *SCATTERI_RESTRICT rays)
 {
     int i, l;
     slabs->ref = rays->ref;
@@ -2245,6 +2249,7 @@ typedef struct scatteri_shadows {
     float a[SCATTERI_PAGE], scale[SCATTERI_PAGE];               /* scale: c sqrt(pi)/(2a) */
     int inside[SCATTERI_PAGE]; /* segments can end inside the Gaussian's support */
     scatter_vec3 source;       /* relative to slabs.ref */
+    scatter_vec3 way;          /* to a directional source, unit */
     int directional, clipped;  /* clipped: segments end at the bounds */
 } scatteri_shadows;
 
@@ -2330,31 +2335,137 @@ static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *m
     s->medium = medium;
     s->slabs = scatteri_slabs_to_source(rays, source);
     s->source = scatteri_sub(source->position, rays->ref);
+    s->way = scatteri_scale(source->direction, -1.0f);
     s->directional = source->directional;
     s->clipped = medium->desc.bounded &&
                  (source->directional || !scatteri_inside(medium->desc.bounds, source->position));
     scatteri_gather_shadows(s, 0);
 }
 
-/* Where Gaussian g is closest to the segments from 16 points to the source: m along the segment, and a^2 h^2. */
-SCATTERI_FN void scatteri_shadow_foot(const scatteri_shadows *s, int g, const scatteri_points *p,
-                                      int first, float *SCATTERI_RESTRICT m,
-                                      float *SCATTERI_RESTRICT fade)
+/* Rays and source lie in a plane, for each ray: the axis is the ray towards a local source, and the way to a
+   directional one; `side` is square to it. A point on the ray is s from the foot, the point closest to the source (from
+   the ray's origin, if directional). */
+typedef struct scatteri_sight {
+    float fx[SCATTERI_LANES], fy[SCATTERI_LANES], fz[SCATTERI_LANES]; /* foot, relative to the rays' ref */
+    float ax[SCATTERI_LANES], ay[SCATTERI_LANES], az[SCATTERI_LANES]; /* axis */
+    float ex[SCATTERI_LANES], ey[SCATTERI_LANES], ez[SCATTERI_LANES]; /* side; 0 if ray and source are in line */
+    float away[SCATTERI_LANES];  /* distance of a local source at the foot; sine to a directional one */
+    float slant[SCATTERI_LANES]; /* cosine of ray and way to a directional source */
+    int directional;
+    float s[SCATTERI_POINTS], inverse[SCATTERI_POINTS]; /* of the points; 1/distance of a local source */
+    const float *length; /* of the segments to the source */
+    float distance[SCATTERI_POINTS];
+} scatteri_sight;
+
+/* Splits v into its part along a unit axis, which is returned, and a rest. */
+SCATTERI_FN float scatteri_split(scatter_vec3 v, scatter_vec3 axis, scatter_vec3 *rest)
 {
-    const float a = s->a[g], gx = s->x[g], gy = s->y[g], gz = s->z[g];
-    const float *px = p->x + first, *py = p->y + first, *pz = p->z + first;
-    const float *dx = p->dx + first, *dy = p->dy + first, *dz = p->dz + first;
+    const float along = scatteri_dot(v, axis);
+    *rest = scatteri_sub(v, scatteri_scale(axis, along));
+    return along;
+}
+
+SCATTERI_HOT static void scatteri_set_frame(const scatteri_rays *SCATTERI_RESTRICT rays,
+                                            scatter_vec3 source, scatter_vec3 way,
+                                            int directional,
+                                            scatteri_sight *SCATTERI_RESTRICT sight)
+{
+    const float parallel = (float)directional;
     int l;
+    sight->directional = directional;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float x = gx - px[l], y = gy - py[l], z = gz - pz[l];
-        const float along = x * dx[l] + y * dy[l] + z * dz[l];
-        const float hx = x - along * dx[l], hy = y - along * dy[l], hz = z - along * dz[l];
-        m[l] = along;
-        fade[l] = a * a * (hx * hx + hy * hy + hz * hz);
+        const scatter_vec3 o = scatteri_v3(rays->ox[l], rays->oy[l], rays->oz[l]);
+        const scatter_vec3 d = scatteri_v3(rays->dx[l], rays->dy[l], rays->dz[l]);
+        const scatter_vec3 to = scatteri_sub(source, o);
+        const float t0 = (1.0f - parallel) * scatteri_dot(to, d);
+        const scatter_vec3 off = scatteri_sub(to, scatteri_scale(d, t0));
+        const float slant = scatteri_dot(d, way);
+        const scatter_vec3 drift = scatteri_sub(d, scatteri_scale(way, slant));
+        const scatter_vec3 across =
+            scatteri_v3(scatteri_choose(parallel, 0.5f, off.x, drift.x),
+                        scatteri_choose(parallel, 0.5f, off.y, drift.y),
+                        scatteri_choose(parallel, 0.5f, off.z, drift.z));
+        const float square = scatteri_dot(across, across);
+        const float inverse = scatteri_choose(1e-36f, square, scatteri_rsqrt(square), 0.0f);
+        sight->fx[l] = o.x + t0 * d.x, sight->fy[l] = o.y + t0 * d.y, sight->fz[l] = o.z + t0 * d.z;
+        sight->ax[l] = scatteri_choose(parallel, 0.5f, d.x, way.x);
+        sight->ay[l] = scatteri_choose(parallel, 0.5f, d.y, way.y);
+        sight->az[l] = scatteri_choose(parallel, 0.5f, d.z, way.z);
+        sight->ex[l] = across.x * inverse;
+        sight->ey[l] = across.y * inverse;
+        sight->ez[l] = across.z * inverse;
+        sight->away[l] = square * inverse;
+        sight->slant[l] = slant;
+        sight->s[l] = t0; /* until the points are set */
     }
 }
 
-/* Depth by the difference of two erfs: error 6e-7 of the Gaussian's whole depth on that line. */
+/* Points at t on the rays; point i is on ray i % 16. */
+SCATTERI_HOT static void scatteri_set_points(int count, const float *SCATTERI_RESTRICT t,
+                                             scatteri_sight *SCATTERI_RESTRICT sight)
+{
+    const float parallel = (float)sight->directional;
+    float t0[SCATTERI_LANES];
+    int first, l;
+    memcpy(t0, sight->s, sizeof t0);
+    for (first = 0; first < count; first += SCATTERI_LANES)
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float s = t[first + l] - t0[l], r2 = s * s + sight->away[l] * sight->away[l];
+            const float inverse = scatteri_choose(1e-36f, r2, scatteri_rsqrt(r2), 0.0f);
+            sight->s[first + l] = s;
+            sight->inverse[first + l] = scatteri_choose(parallel, 0.5f, inverse, 1.0f);
+            sight->distance[first + l] =
+                scatteri_choose(parallel, 0.5f, r2 * inverse, SCATTERI_FAR);
+        }
+    sight->length = sight->distance;
+}
+
+/* A Gaussian as seen along 16 rays. With m where it is closest on the segment to the source and h its distance there,
+   r m = c0 + s (c1 + c2 s), r h = k0 + k1 s in the plane (r = 1 if directional), and a h out of it is `apart`'s root. */
+typedef struct scatteri_foot {
+    float c0[SCATTERI_LANES], c1[SCATTERI_LANES], k0[SCATTERI_LANES], k1[SCATTERI_LANES];
+    float apart[SCATTERI_LANES];
+} scatteri_foot;
+
+SCATTERI_FN void scatteri_find_foot(const scatteri_shadows *s, int g, const scatteri_sight *sight,
+                                    scatteri_foot *foot)
+{
+    const scatter_vec3 center = scatteri_v3(s->x[g], s->y[g], s->z[g]);
+    const float a = s->a[g], parallel = (float)sight->directional;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const scatter_vec3 axis = scatteri_v3(sight->ax[l], sight->ay[l], sight->az[l]);
+        const scatter_vec3 side = scatteri_v3(sight->ex[l], sight->ey[l], sight->ez[l]);
+        const scatter_vec3 p =
+            scatteri_sub(center, scatteri_v3(sight->fx[l], sight->fy[l], sight->fz[l]));
+        const float away = sight->away[l];
+        scatter_vec3 across, apart;
+        const float along = scatteri_split(p, axis, &across);
+        const float aside = scatteri_split(across, side, &apart);
+        foot->c0[l] = scatteri_choose(parallel, 0.5f, aside * away, along);
+        foot->c1[l] = scatteri_choose(parallel, 0.5f, -along, -sight->slant[l]);
+        foot->k0[l] = scatteri_choose(parallel, 0.5f, along * away, aside);
+        foot->k1[l] = scatteri_choose(parallel, 0.5f, aside, 0.0f) - away;
+        foot->apart[l] = a * a * scatteri_dot(apart, apart);
+    }
+}
+
+/* a m and a^2 h^2 for 16 points. */
+SCATTERI_FN void scatteri_shadow_foot(float a, float curve, const scatteri_foot *foot,
+                                      const float *SCATTERI_RESTRICT s,
+                                      const float *SCATTERI_RESTRICT inverse,
+                                      float *SCATTERI_RESTRICT m, float *SCATTERI_RESTRICT fade)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float scale = a * inverse[l];
+        const float h = (foot->k0[l] + foot->k1[l] * s[l]) * scale;
+        m[l] = (foot->c0[l] + s[l] * (foot->c1[l] + curve * s[l])) * scale;
+        fade[l] = foot->apart[l] + h * h;
+    }
+}
+
+/* Depth by the difference of two erfs: error 6e-7 of the Gaussian's whole depth on that line. m: a m. */
 SCATTERI_FN void scatteri_shadow_quick(float a, float scale, const float *SCATTERI_RESTRICT length,
                                        const float *SCATTERI_RESTRICT m,
                                        const float *SCATTERI_RESTRICT fade,
@@ -2362,8 +2473,8 @@ SCATTERI_FN void scatteri_shadow_quick(float a, float scale, const float *SCATTE
 {
     int l;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float x = scatteri_within(-a * m[l], 3.6f),
-                    y = scatteri_within(a * (length[l] - m[l]), 3.6f);
+        const float x = scatteri_within(-m[l], 3.6f),
+                    y = scatteri_within(a * length[l] - m[l], 3.6f);
         const float qx = scatteri_erf_under(x * x), qy = scatteri_erf_under(y * y);
         const float s = scatteri_erf_over(y, y * y) * qx - scatteri_erf_over(x, x * x) * qy;
         sum[l] += scale * scatteri_decay(fade[l]) * (s / (qx * qy));
@@ -2379,10 +2490,10 @@ SCATTERI_FN void scatteri_shadow_whole(float a, float scale, const float *SCATTE
 {
     int l;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float x = scatteri_within(-a * m[l], 3.6f), q = scatteri_erf_under(x * x);
+        const float x = scatteri_within(m[l], 3.6f), q = scatteri_erf_under(x * x);
         const float depth =
-            scale * scatteri_decay(fade[l]) * ((q - scatteri_erf_over(x, x * x)) / q);
-        sum[l] += scatteri_choose(m[l], length[l], depth, 0.0f);
+            scale * scatteri_decay(fade[l]) * ((q + scatteri_erf_over(x, x * x)) / q);
+        sum[l] += scatteri_choose(m[l], a * length[l], depth, 0.0f);
     }
 }
 
@@ -2395,7 +2506,7 @@ SCATTERI_FN void scatteri_shadow_exact(float a, float scale, const float *SCATTE
 {
     int l;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float x = a * m[l], y = scatteri_min(a * (length[l] - m[l]), 1e6f);
+        const float x = m[l], y = scatteri_min(a * length[l] - m[l], 1e6f);
         const float p = scatteri_erfcx(scatteri_abs(x)) * scatteri_decay(fade[l] + x * x);
         const float q = scatteri_erfcx(scatteri_abs(y)) * scatteri_decay(fade[l] + y * y);
         const float between = scatteri_choose(0.0f, x, scatteri_choose(y, 0.0f, 0.0f, 2.0f), 0.0f);
@@ -2406,26 +2517,29 @@ SCATTERI_FN void scatteri_shadow_exact(float a, float scale, const float *SCATTE
 
 /* Adds depth of the gathered Gaussians between the points and the source. */
 SCATTERI_HOT static void scatteri_add_gathered(const scatteri_shadows *s, int count,
-                                               const scatteri_points *p,
+                                               const scatteri_sight *sight,
                                                float *SCATTERI_RESTRICT depth)
 {
-    const float sigma = s->medium->sigma_most;
-    int first, g, l;
-    for (first = 0; first < count; first += SCATTERI_LANES) {
-        float sum[SCATTERI_LANES], m[SCATTERI_LANES], fade[SCATTERI_LANES];
-        for (l = 0; l < SCATTERI_LANES; l++)
-            sum[l] = 0.0f;
-        for (g = 0; g < s->count; g++) {
-            scatteri_shadow_foot(s, g, p, first, m, fade);
-            if (sigma * s->scale[g] < SCATTERI_QUICK && !s->inside[g])
-                scatteri_shadow_whole(s->a[g], s->scale[g], p->length + first, m, fade, sum);
-            else if (sigma * s->scale[g] < SCATTERI_QUICK)
-                scatteri_shadow_quick(s->a[g], s->scale[g], p->length + first, m, fade, sum);
+    const float sigma = s->medium->sigma_most, curve = sight->directional ? 0.0f : 1.0f;
+    float m[SCATTERI_LANES], fade[SCATTERI_LANES];
+    scatteri_foot foot;
+    int first, g;
+    for (g = 0; g < s->count; g++) {
+        const float a = s->a[g], scale = s->scale[g];
+        const int exact = sigma * scale >= SCATTERI_QUICK, whole = !exact && !s->inside[g];
+        scatteri_find_foot(s, g, sight, &foot);
+        for (first = 0; first < count; first += SCATTERI_LANES) {
+            const float *length = sight->length + first;
+            float *sum = depth + first;
+            scatteri_shadow_foot(a, curve, &foot, sight->s + first, sight->inverse + first, m,
+                                 fade);
+            if (whole)
+                scatteri_shadow_whole(a, scale, length, m, fade, sum);
+            else if (!exact)
+                scatteri_shadow_quick(a, scale, length, m, fade, sum);
             else
-                scatteri_shadow_exact(s->a[g], s->scale[g], p->length + first, m, fade, sum);
+                scatteri_shadow_exact(a, scale, length, m, fade, sum);
         }
-        for (l = 0; l < SCATTERI_LANES; l++)
-            depth[first + l] += sum[l];
     }
 }
 
@@ -2454,17 +2568,24 @@ static void scatteri_add_field_depths(const scatteri_medium *medium, int count,
             depth[i] += scatteri_field_depth(&medium->fields[f], scatteri_segment_of(p, i));
 }
 
-static void scatteri_add_shadows(scatteri_shadows *s, int count, const scatteri_points *p,
-                                 float *depth)
+/* Points at t on the rays that the shadows began with. Where segments end at the bounds, and for grids, the points
+   must be placed and face the source. */
+static void scatteri_add_shadows(scatteri_shadows *s, const scatteri_rays *rays, int count,
+                                 const float *t, const scatteri_points *p, float *depth)
 {
+    scatteri_sight sight;
     int next = 0;
+    scatteri_set_frame(rays, s->source, s->way, s->directional, &sight);
+    scatteri_set_points(count, t, &sight);
+    if (s->clipped)
+        sight.length = p->length;
     if (s->complete) {
-        scatteri_add_gathered(s, count, p, depth);
+        scatteri_add_gathered(s, count, &sight, depth);
         next = s->medium->gaussians.padded;
     }
     for (; next < s->medium->gaussians.padded; next = s->next) {
         scatteri_gather_shadows(s, next);
-        scatteri_add_gathered(s, count, p, depth);
+        scatteri_add_gathered(s, count, &sight, depth);
     }
     scatteri_add_field_depths(s->medium, count, p, depth);
 }
@@ -2529,7 +2650,7 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
             p->y[i] = p->z[i] = depth[i] = 0.0f;
         }
         scatteri_face_source(&d->source, &d->medium->desc, count, p);
-        scatteri_add_shadows(shadows, count, p, depth);
+        scatteri_add_shadows(shadows, &row, count, p->x, p, depth);
         for (i = 0; i < left; i++)
             out[i] = p->distance[i] > 0.0f
                          ? scatteri_stored(d, scatteri_max(depth[i], 0.0f), p->distance[i])
@@ -3400,23 +3521,26 @@ typedef struct scatteri_map {
     float omc[SCATTERI_LANES]; /* 1 - cos of the scattering angle of a directional light */
 } scatteri_map;
 
-static void scatteri_map_light(const scatteri_rays *rays, const scatteri_light *light,
-                               scatteri_map *map)
+SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const scatteri_light *light,
+                                            scatteri_map *map)
 {
-    const scatter_vec3 s = scatteri_sub(light->desc.position, rays->ref);
+    const scatter_vec3 s = scatteri_sub(light->desc.position, rays->ref),
+                       w = light->desc.direction;
+    const float r = light->desc.radius;
     int l;
     map->local = !light->source.directional;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const scatter_vec3 u = scatteri_ray_direction(rays, l),
-                           to = scatteri_sub(s, scatteri_ray_origin(rays, l));
+        const scatter_vec3 u = scatteri_v3(rays->dx[l], rays->dy[l], rays->dz[l]);
+        const scatter_vec3 to =
+            scatteri_v3(s.x - rays->ox[l], s.y - rays->oy[l], s.z - rays->oz[l]);
         const float t0 = scatteri_dot(to, u);
         const scatter_vec3 off = scatteri_sub(to, scatteri_scale(u, t0));
-        const float d2 = scatteri_dot(off, off), r = light->desc.radius;
+        const float d2 = scatteri_dot(off, off);
         map->t0[l] = t0;
         map->d2[l] = d2;
         map->d[l] =
             scatteri_max(scatteri_sqrt(d2 + r * r), 1e-6f * scatteri_max(1e-3f, scatteri_abs(t0)));
-        map->omc[l] = scatteri_omc(light->desc.direction, scatteri_scale(u, -1.0f));
+        map->omc[l] = scatteri_omc(w, scatteri_scale(u, -1.0f));
     }
 }
 
@@ -3437,18 +3561,41 @@ SCATTERI_FN float scatteri_to_t(const scatteri_map *map, int l, float u)
     return map->local ? scatteri_stretch(map->t0[l], map->d[l], u).x : u;
 }
 
+SCATTERI_HOT static void scatteri_place_points(const scatteri_rays *rays, scatteri_nodes *n)
+{
+    int first, l;
+    n->points.ref = rays->ref;
+    for (first = 0; first < n->count; first += SCATTERI_LANES)
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            n->points.x[first + l] = rays->ox[l] + n->t[first + l] * rays->dx[l];
+            n->points.y[first + l] = rays->oy[l] + n->t[first + l] * rays->dy[l];
+            n->points.z[first + l] = rays->oz[l] + n->t[first + l] * rays->dz[l];
+        }
+}
+
+/* Gaussians alone in closed form are seen from the rays as a whole; all else asks where each point is. */
+static int scatteri_needs_points(const scatter_context *c, const scatteri_light *light)
+{
+    return light->depth.method != SCATTER_DEPTH_CLOSED || light->desc.kind == SCATTER_LIGHT_SPOT ||
+           c->medium.desc.bounded || c->medium.has_analytic || c->medium.desc.grid_count > 0 ||
+           c->scene.visible != NULL;
+}
+
 /* Depth from the points to the light: Gaussians and grids by the light's method, the rest closed. */
 static void scatteri_light_depth(const scatter_context *c, const scatteri_light *light,
                                  const scatteri_rays *span, scatteri_nodes *n, float *depth)
 {
     memset(depth, 0, (size_t)n->count * sizeof(float));
-    scatteri_face_source(&light->source, &c->medium.desc, n->count, &n->points);
+    if (scatteri_needs_points(c, light)) {
+        scatteri_place_points(span, n);
+        scatteri_face_source(&light->source, &c->medium.desc, n->count, &n->points);
+    }
     if (c->medium.has_analytic)
         scatteri_add_analytic(&c->medium.desc, n->count, &n->points, depth);
     if (light->depth.method == SCATTER_DEPTH_CLOSED) {
         scatteri_shadows shadows;
         scatteri_begin_shadows(&shadows, &c->medium, &light->source, span, c->trim.depth);
-        scatteri_add_shadows(&shadows, n->count, &n->points, depth);
+        scatteri_add_shadows(&shadows, span, n->count, n->t, &n->points, depth);
     } else {
         scatteri_read_depth(&light->depth, n->count, &n->points, depth);
     }
@@ -3786,26 +3933,14 @@ SCATTERI_HOT static void scatteri_add_profile(const scatteri_eye *eye, int count
 
 /* --- evaluation --- */
 
-SCATTERI_HOT static void scatteri_place_points(const scatteri_rays *rays, scatteri_nodes *n)
-{
-    int first, l;
-    n->points.ref = rays->ref;
-    for (first = 0; first < n->count; first += SCATTERI_LANES)
-        for (l = 0; l < SCATTERI_LANES; l++) {
-            n->points.x[first + l] = rays->ox[l] + n->t[first + l] * rays->dx[l];
-            n->points.y[first + l] = rays->oy[l] + n->t[first + l] * rays->dy[l];
-            n->points.z[first + l] = rays->oz[l] + n->t[first + l] * rays->dz[l];
-            n->density[first + l] = n->depth[first + l] = 0.0f;
-        }
-}
-
 /* Positions of the nodes, their density and depth. */
 static void scatteri_fill_nodes(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
     const scatteri_rays *rays = &eye->rays;
     scatteri_nodes *n = &eye->nodes;
-    scatteri_place_points(rays, n);
+    memset(n->density, 0, (size_t)n->count * sizeof(float));
+    memset(n->depth, 0, (size_t)n->count * sizeof(float));
     if (c->exact && c->medium.gaussians.count > 0)
         scatteri_add_gaussians(&c->medium.gaussians, rays, &eye->page, n->count, n->t, n->density,
                                n->depth);
@@ -4537,6 +4672,8 @@ static void scatteri_march_block(scatteri_eye *eye, int first, int rows, float *
             n->cell[k * SCATTERI_LANES + l] = 0.0f;
         }
     scatteri_fill_nodes(eye);
+    if (c->field_count > 0)
+        scatteri_place_points(&eye->rays, n);
     for (f = 0; f < c->field_count; f++)
         scatteri_add_field(&c->fields[f], n->points.ref, n->count, n->points.x, n->points.y,
                            n->points.z, n->density);
@@ -4709,22 +4846,22 @@ static void scatteri_put(float *pixels, size_t at, scatter_vec3 rgb)
 SCATTERI_HOT static void scatteri_aim(const scatteri_picture *job, int x, int y,
                                       scatteri_rays *rays)
 {
-    const scatter_view *v = &job->view;
-    const int right = job->image.width - 1, bottom = job->image.height - 1;
+    const scatter_view v = job->view;
+    const float right = (float)job->image.width - 0.5f, bottom = (float)job->image.height - 0.5f;
     const float across = 1.0f / (float)job->image.width, down = 1.0f / (float)job->image.height;
     int l;
-    rays->ref = v->origin;
+    rays->ref = v.origin;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const int px = x + (l & (SCATTERI_SIDE - 1)), py = y + l / SCATTERI_SIDE;
-        const float a = ((float)(px < right ? px : right) + 0.5f) * across;
-        const float b = ((float)(py < bottom ? py : bottom) + 0.5f) * down;
-        const float dx = v->direction.x + (v->direction_dx.x * a + v->direction_dy.x * b);
-        const float dy = v->direction.y + (v->direction_dx.y * a + v->direction_dy.y * b);
-        const float dz = v->direction.z + (v->direction_dx.z * a + v->direction_dy.z * b);
+        const float px = (float)(x + (l & (SCATTERI_SIDE - 1))) + 0.5f;
+        const float py = (float)(y + l / SCATTERI_SIDE) + 0.5f;
+        const float a = scatteri_min(px, right) * across, b = scatteri_min(py, bottom) * down;
+        const float dx = v.direction.x + (v.direction_dx.x * a + v.direction_dy.x * b);
+        const float dy = v.direction.y + (v.direction_dx.y * a + v.direction_dy.y * b);
+        const float dz = v.direction.z + (v.direction_dx.z * a + v.direction_dy.z * b);
         const float square = dx * dx + dy * dy + dz * dz, inverse = scatteri_rsqrt(square);
-        rays->ox[l] = v->origin_dx.x * a + v->origin_dy.x * b;
-        rays->oy[l] = v->origin_dx.y * a + v->origin_dy.y * b;
-        rays->oz[l] = v->origin_dx.z * a + v->origin_dy.z * b;
+        rays->ox[l] = v.origin_dx.x * a + v.origin_dy.x * b;
+        rays->oy[l] = v.origin_dx.y * a + v.origin_dy.y * b;
+        rays->oz[l] = v.origin_dx.z * a + v.origin_dy.z * b;
         /* a pixel whose direction is 0 looks along x */
         rays->dx[l] = scatteri_choose(square, 1e-30f, 1.0f, dx * inverse);
         rays->dy[l] = scatteri_choose(square, 1e-30f, 0.0f, dy * inverse);
@@ -5516,12 +5653,12 @@ static void scatteri_update_rules(scatter_context *c)
     }
 }
 
-/* Few nodes: e^-7 of a Gaussian is left out, e^-14 from 25 nodes on. What is left out of depth stays below 1e-4 of
+/* Few nodes: e^-6 of a Gaussian is left out, e^-14 from 26 nodes on. What is left out of depth stays below 1e-4 of
    transmittance, since `reach` holds the Gaussian's own depth but not sigma. */
 static scatteri_trim scatteri_trim_for(const scatter_context *c)
 {
     const float dense = scatteri_log(scatteri_max(c->medium.sigma_most, 1.0f));
-    const float few = scatteri_clamp(12.5f - 0.5f * (float)c->quality.nodes, 0.0f, 7.0f);
+    const float few = scatteri_clamp(13.0f - 0.5f * (float)c->quality.nodes, 0.0f, 8.0f);
     scatteri_trim trim;
     trim.rays = c->quality.ray == SCATTER_RAY_QUADRATURE ? scatteri_max(few - dense, 0.0f) : 0.0f;
     trim.depth = scatteri_max(trim.rays - 4.5f, 0.0f);
