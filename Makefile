@@ -31,7 +31,7 @@ PREFIX = /usr/local
 VERSION = 0.1.0
 
 PROGRAMS = scatter-render scatter-minimal scatter-sheet scatter-generate
-SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api
+SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api hard_cases
 FUZZERS = fuzz_scene fuzz_descriptors
 HEADERS = scatter.h scatter_gl.h
 
@@ -79,6 +79,9 @@ $(BUILD)/test_scene: $(BUILD)/test_scene.o
 	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(LIBS)
 
 $(BUILD)/test_%: $(BUILD)/test_%.o $(BUILD)/reference.o
+	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(REFERENCE_LIBS) $(LIBS)
+
+$(BUILD)/hard_cases: $(BUILD)/hard_cases.o $(BUILD)/reference.o
 	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(REFERENCE_LIBS) $(LIBS)
 
 $(SUITES): %: $(BUILD)/%

@@ -1,0 +1,426 @@
+/* hard_cases.c - the inputs on which renderers fail, each with the bound that it must keep.
+
+   Each case is one call of hard_row, which prints a row of the table in docs/accuracy.md and is
+   the assertion as well; `make accuracy` puts the rows into the page. Bounds are promises of
+   scatter.h and of docs/accuracy.md, or come from the error analysis beside them:
+
+     PROMISE_16, PROMISE_64   error of images of smooth media at 16 and 64 nodes
+     DEPTH                    relative error of scatter_density and scatter_optical_depth
+     ULP                      2^-24: what rounding to float may change, relative
+
+   The truth is tests/reference.c, a closed formula, or the same picture taken in another way. Each
+   kind of check is also given something wrong, which it must refuse: see hard_fault. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#define SCATTER_IMPLEMENTATION
+#include "../scatter.h"
+#include "check.h"
+#include "reference.h"
+
+#include <sys/mman.h>
+#include <unistd.h>
+
+#define PROMISE_16 5e-3
+#define PROMISE_64 1e-4
+#define DEPTH 1e-5
+#define ULP 5.97e-8
+
+enum { WIDE = 12, HIGH = 8, PIXELS = WIDE * HIGH, FLOATS = 3 * PIXELS };
+
+/* -------------------------------------------------------- >>rows */
+
+static int broken; /* rows above their bound since the last call of rows_hold */
+
+/* The row of one case: printed, and remembered if it is above its bound or not a number. */
+static void hard_row(const char *name, const char *risk, double bound, double measured) {
+    printf("row | %s | %s | %.2g | %.2g |\n", name, risk, bound, measured);
+    broken += !(measured <= bound);
+}
+
+/* The same check on something wrong, which must be above the bound. */
+static void hard_fault(const char *name, double bound, double measured) {
+    int caught = !(measured <= bound);
+    printf("planted: %s: %.2g against %.2g\n", name, measured, bound);
+    assert_true(caught);
+}
+
+static void rows_hold(void) {
+    int n = broken;
+    broken = 0;
+    assert_int_equal(n, 0);
+}
+
+/* A row that is too large, or NaN, counts; a good one does not. */
+static void test_rows_can_fail(void **state) {
+    (void)state;
+    printf("planted: the next row fails, as it must\n");
+    broken += !(1.1 <= 1.0);
+    assert_int_equal(broken, 1);
+    broken += !((double)NAN <= 1.0);
+    assert_int_equal(broken, 2);
+    broken = 0;
+}
+
+/* ------------------------------------------------------ >>scenes */
+
+static const scatter_vec3 white = {4.0f, 4.0f, 4.0f};
+
+static scatter_vec3 grey(float v) { return check_v3(v, v, v); }
+
+static scatter_light *add_lamp(check_world *w, float x, float y, float z) {
+    return check_add_light(w, SCATTER_LIGHT_POINT, check_v3(x, y, z), white);
+}
+
+/* Four puffs in the unit cube, opaque enough to shadow each other, no lights. */
+static void open_puffs(check_world *w) {
+    check_world_open(w);
+    check_add_gaussians(w, 4, 1.5f, 4.0f, 31);
+}
+
+/* A cube of constant fog, no lights. */
+static void open_cube(check_world *w) {
+    check_world_open(w);
+    w->scene.medium.constant = 1;
+    check_bound(w, check_cube(0, 1));
+}
+
+static scatter_view look(float x, float y, float z, scatter_vec3 target, float fov) {
+    return scatter_view_perspective(check_v3(x, y, z), target, check_v3(0, 1, 0), fov,
+                                    (float)WIDE / HIGH);
+}
+
+/* At the unit cube, from before it. */
+static scatter_view front_view(void) {
+    return look(0.5f, 0.6f, -2.0f, check_v3(0.5f, 0.5f, 0.5f), 0.7f);
+}
+
+/* Rays side by side through the points near `target`, from `away` m before it. */
+static scatter_view beam(scatter_vec3 target, scatter_vec3 along, float away, float height) {
+    return scatter_view_orthographic(check_along(target, -away, along), target,
+                                     check_v3(0.1f, 1, 0.2f), height, (float)WIDE / HIGH);
+}
+
+static scatter_quality nodes(int n) {
+    scatter_quality q;
+    memset(&q, 0, sizeof q);
+    q.depth = SCATTER_DEPTH_CLOSED;
+    q.density = SCATTER_DENSITY_EXACT;
+    q.nodes = n;
+    return q;
+}
+
+static scatter_quality volumes(scatter_depth_method depth, int grid) {
+    scatter_quality q = nodes(64);
+    q.depth = depth;
+    q.grid = grid;
+    return q;
+}
+
+/* ---------------------------------------------------- >>pictures */
+
+static scatter_context *open_context(const scatter_scene *scene, const scatter_quality *q) {
+    scatter_context *context = NULL;
+    assert_int_equal(scatter_create(NULL, &context), SCATTER_OK);
+    assert_int_equal(scatter_update(context, scene, q), SCATTER_OK);
+    return context;
+}
+
+static void render(const scatter_context *context, scatter_view view, float *rgb) {
+    scatter_image image;
+    memset(&image, 0, sizeof image);
+    image.width = WIDE;
+    image.height = HIGH;
+    image.rgb = rgb;
+    assert_int_equal(scatter_render(context, &view, &image), SCATTER_OK);
+}
+
+static void shoot(const scatter_scene *scene, scatter_view view, scatter_quality q, float *rgb) {
+    scatter_context *context = open_context(scene, &q);
+    render(context, view, rgb);
+    scatter_destroy(context);
+}
+
+/* Relative RMSE, as docs/accuracy.md defines it; the reference's NaN or infinity is no number. */
+static double image_error(const float *rgb, const float *truth) {
+    check_error e = check_no_error();
+    int i;
+    for (i = 0; i < FLOATS; i++)
+        check_add(&e, rgb[i], truth[i]);
+    return check_rms(&e);
+}
+
+static void see_truth(const scatter_scene *scene, scatter_view view, float *rgb) {
+    assert_int_equal(reference_image(scene, &view, WIDE, HIGH, rgb, 2), 0);
+}
+
+static double error_against(const float *truth, const check_world *w, scatter_view view,
+                            scatter_quality q) {
+    static float rgb[FLOATS];
+    shoot(&w->scene, view, q, rgb);
+    return image_error(rgb, truth);
+}
+
+static double error_of(const check_world *w, scatter_view view, scatter_quality q) {
+    static float truth[FLOATS];
+    see_truth(&w->scene, view, truth);
+    return error_against(truth, w, view, q);
+}
+
+/* Difference of the pictures of two scenes. */
+static double difference(const check_world *a, scatter_view view_a, const check_world *b,
+                         scatter_view view_b, scatter_quality q) {
+    static float first[FLOATS];
+    shoot(&a->scene, view_a, q, first);
+    return error_against(first, b, view_b, q);
+}
+
+/* Two rows: the picture at 16 and at 64 nodes keeps what is promised for smooth media. */
+static void promise_rows(const char *name, const char *risk, const check_world *w,
+                         scatter_view view) {
+    static float truth[FLOATS];
+    char label[160];
+    see_truth(&w->scene, view, truth);
+    snprintf(label, sizeof label, "%s, 16 nodes", name);
+    hard_row(label, risk, PROMISE_16, error_against(truth, w, view, nodes(16)));
+    snprintf(label, sizeof label, "%s, 64 nodes", name);
+    hard_row(label, risk, PROMISE_64, error_against(truth, w, view, nodes(64)));
+}
+
+/* Pixels that are not numbers >= 0. */
+static int bad_pixels(const check_world *w, scatter_view view, scatter_quality q) {
+    static float rgb[FLOATS];
+    int i, bad = 0;
+    shoot(&w->scene, view, q, rgb);
+    for (i = 0; i < FLOATS; i++)
+        bad += !(isfinite(rgb[i]) && rgb[i] >= 0);
+    return bad;
+}
+
+/* ------------------------------------- >>planted faults of pictures */
+
+static void fault_light(check_world *w) { w->lights[0].intensity.y *= 1.01f; }
+static void fault_place(check_world *w) { w->lights[0].position.x += 0.001f; }
+static void fault_radius(check_world *w) { w->lights[0].radius = 0.05f; }
+static void fault_center(check_world *w) { w->gaussians[1].center.y += 0.002f; }
+static void fault_width(check_world *w) { w->gaussians[2].a *= 1.003f; }
+static void fault_albedo(check_world *w) { w->scene.medium.albedo.z -= 0.01f; }
+static void fault_phase(check_world *w) { w->scene.medium.phase.g = 0.01f; }
+
+/* The comparison of pictures sees that the reference was given another scene. */
+static void test_pictures_can_fail(void **state) {
+    static void (*const faults[])(check_world *) = {fault_light, fault_place, fault_radius,
+                                                    fault_center, fault_width, fault_albedo,
+                                                    fault_phase};
+    static float truth[FLOATS];
+    check_world w;
+    size_t i;
+    (void)state;
+    open_puffs(&w);
+    w.scene.medium.phase.kind = SCATTER_PHASE_HG;
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    see_truth(&w.scene, front_view(), truth);
+    assert_at_most(error_against(truth, &w, front_view(), nodes(64)), PROMISE_64);
+    for (i = 0; i < CHECK_COUNT(faults); i++) {
+        check_world other;
+        open_puffs(&other);
+        other.scene.medium.phase.kind = SCATTER_PHASE_HG;
+        add_lamp(&other, 0.5f, 0.9f, 0.3f);
+        faults[i](&other);
+        hard_fault("another scene", PROMISE_64,
+                   error_against(truth, &other, front_view(), nodes(64)));
+    }
+}
+
+/* ------------------------------------------------------ >>lights */
+
+/* Rays that pass an ideal lamp at 1.4e-6 m and more, from 0.25 m away. */
+static void test_light_near_ray(void **state) {
+    static const scatter_vec3 along[] = {{0, 0, 1}, {0.36f, -0.48f, 0.8f}};
+    static const char *names[] = {"ideal lamp 1e-6 m beside rays along an axis",
+                                  "ideal lamp 1e-6 m beside oblique rays"};
+    check_world w;
+    int i;
+    (void)state;
+    for (i = 0; i < 2; i++) {
+        scatter_view view = beam(check_v3(0, 0, 0), along[i], 0.25f, 16e-6f);
+        open_puffs(&w);
+        add_lamp(&w, 0, 0, 0)->radius = 0;
+        /* L ~ 1/d. A unit vector of floats has a length wrong by 1.5e-7 + 2 ULP (rsqrt, products)
+           and points beside by 2 ULP: at 0.25 m the ray is off by 0.25 (3e-7 + 4 ULP) = 1.4e-7 m of
+           the 1.4e-6 m */
+        hard_row(names[i], "position on the ray cancels in t - t0, 1/d explodes", 0.1,
+                 error_of(&w, view, nodes(64)));
+        w.lights[0].radius = 0.01f;
+        promise_rows(i ? "lamp of 1 cm 1e-6 m beside oblique rays"
+                       : "lamp of 1 cm 1e-6 m beside rays along an axis",
+                     "the same, tamed by the radius", &w, view);
+    }
+    rows_hold();
+}
+
+/* A floor y = 0 of grey paint. */
+static int floor_below(void *user, scatter_vec3 o, scatter_vec3 d, scatter_surface *hit) {
+    float length = sqrtf(d.x * d.x + d.y * d.y + d.z * d.z);
+    (void)user;
+    if (!(d.y < 0 && o.y > 0))
+        return 0;
+    memset(hit, 0, sizeof *hit);
+    hit->distance = -o.y / d.y * length;
+    hit->normal = check_v3(0, 1, 0);
+    hit->albedo = check_v3(0.8f, 0.5f, 0.2f);
+    return 1;
+}
+
+static void test_light_near_surface(void **state) {
+    scatter_view view = look(0.3f, 0.25f, 0.2f, check_v3(0.5f, 0, 0.5f), 0.5f);
+    check_world w;
+    (void)state;
+    open_puffs(&w);
+    w.scene.surface = floor_below;
+    add_lamp(&w, 0.5f, 1e-6f, 0.5f)->radius = 0;
+    /* the floor is lit as I h/r^3 where h is the lamp's height over the point that is hit: the
+       ray's 0.4 m in floats put the point 0.4 (4 ULP + 3e-7) = 2.2e-7 m too high or low */
+    hard_row("ideal lamp 1e-6 m above a surface", "its height over the point that is hit cancels",
+             0.22, error_of(&w, view, nodes(64)));
+    w.lights[0].position.y = 1e-3f;
+    hard_row("ideal lamp 1e-3 m above a surface", "the same, 1000 times less",
+             PROMISE_64 + 0.22e-3, error_of(&w, view, nodes(64)));
+    rows_hold();
+}
+
+static void test_light_near_center(void **state) {
+    check_world w;
+    (void)state;
+    open_puffs(&w);
+    add_lamp(&w, w.gaussians[1].center.x, w.gaussians[1].center.y, w.gaussians[1].center.z);
+    w.lights[0].position.x += 1e-6f;
+    promise_rows("lamp 1e-6 m beside the centre of a Gaussian",
+                 "the foot of the perpendicular has no direction", &w, front_view());
+    w.lights[0].radius = 0;
+    promise_rows("ideal lamp there", "the same with a singular irradiance", &w, front_view());
+    rows_hold();
+}
+
+static void test_lamp_radius(void **state) {
+    static const float radii[] = {0, 1e-6f, 100};
+    static const char *names[] = {"lamp of radius 0", "lamp of radius 1e-6 m",
+                                  "lamp of radius 100 m"};
+    static const char *risks[] = {"division by 0", "a peak that no node meets",
+                                  "the map of the ray is nearly straight, R^2 swallows r^2"};
+    check_world w;
+    int i;
+    (void)state;
+    for (i = 0; i < 3; i++) {
+        open_puffs(&w);
+        add_lamp(&w, 0.53f, 0.7f, 0.4f)->radius = radii[i];
+        promise_rows(names[i], risks[i], &w, front_view());
+    }
+    rows_hold();
+}
+
+static void test_light_at_eye(void **state) {
+    scatter_view view = look(0.5f, 0.5f, -1, check_v3(0.5f, 0.5f, 0.5f), 0.7f);
+    check_world w;
+    (void)state;
+    open_cube(&w);
+    add_lamp(&w, 0.5f, 0.5f, -1)->radius = 0;
+    promise_rows("light and eye at one point, medium ahead", "every ray meets the lamp at t = 0",
+                 &w, view);
+    w.scene.medium.bounds = check_cube(-2, 2);
+    w.lights[0].radius = 0.01f;
+    promise_rows("light and eye at one point in the medium", "the peak is cut in half by the eye",
+                 &w, view);
+    w.lights[0].radius = 0;
+    /* the truth is infinite there */
+    hard_row("the same with an ideal lamp: pixels that are not finite", "0/0", 0,
+             bad_pixels(&w, view, nodes(16)));
+    rows_hold();
+}
+
+/* The cube lit from somewhere around it. */
+static void test_light_places(void **state) {
+    static const char *names[] = {"light outside the bounds", "light on a face of the bounds",
+                                  "light on an edge", "light in a corner"};
+    static const scatter_vec3 places[] = {{2, 1.5f, -0.5f}, {0.5f, 1, 0.25f}, {0, 1, 0.25f},
+                                          {1, 1, 1}};
+    check_world w;
+    int i;
+    (void)state;
+    for (i = 0; i < 4; i++) {
+        open_puffs(&w);
+        w.scene.medium.constant = 0.25f;
+        check_bound(&w, check_cube(0, 1));
+        add_lamp(&w, places[i].x, places[i].y, places[i].z);
+        promise_rows(names[i], "segments to it are clipped to nothing, or not at all", &w,
+                     front_view());
+    }
+    rows_hold();
+}
+
+/* A point light at 1e6 m of I = E r^2, seen as the directional light of E that it becomes. */
+static void test_light_far(void **state) {
+    static float truth[FLOATS];
+    const float far = 1e6f;
+    check_world w;
+    (void)state;
+    open_puffs(&w);
+    check_add_light(&w, SCATTER_LIGHT_DIRECTIONAL, check_v3(-0.6f, -0.8f, 0), grey(2));
+    see_truth(&w.scene, front_view(), truth);
+    w.lights[0].kind = SCATTER_LIGHT_POINT;
+    w.lights[0].position = check_v3(0.6f * far, 0.8f * far, 0);
+    w.lights[0].intensity = grey(2 * far * far);
+    /* the scene's 2 m change irradiance and direction by 4e-6 */
+    hard_row("light at 1e6 m, against a directional one", "1/r^2 and the direction lose digits",
+             PROMISE_64 + 4e-6, error_against(truth, &w, front_view(), nodes(64)));
+    w.lights[0].position = check_v3(0.6f * far, 0.81f * far, 0);
+    hard_fault("another sun", PROMISE_64 + 4e-6, error_against(truth, &w, front_view(), nodes(64)));
+    rows_hold();
+}
+
+static void many_lights(check_world *w, scatter_light *lights, int count) {
+    uint64_t seed = 64;
+    int i;
+    memset(lights, 0, (size_t)count * sizeof *lights);
+    for (i = 0; i < count; i++) {
+        lights[i].kind = (scatter_light_kind)(i % 3);
+        lights[i].position = check_point(&seed, -0.5f, 1.5f);
+        lights[i].direction = check_minus(grey(0.5f), lights[i].position);
+        lights[i].intensity = check_point(&seed, 0, 0.2f);
+        lights[i].radius = 0.01f;
+        lights[i].outer = 3;
+    }
+    w->scene.lights = lights;
+    w->scene.light_count = (size_t)count;
+}
+
+static void test_many_lights(void **state) {
+    static scatter_light lights[64];
+    check_world w;
+    (void)state;
+    open_puffs(&w);
+    many_lights(&w, lights, 64);
+    promise_rows("64 lights of all kinds", "sums of many terms, nodes shared by lights", &w,
+                 front_view());
+    rows_hold();
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_rows_can_fail),
+        cmocka_unit_test(test_pictures_can_fail),
+        cmocka_unit_test(test_light_near_ray),
+        cmocka_unit_test(test_light_near_surface),
+        cmocka_unit_test(test_light_near_center),
+        cmocka_unit_test(test_lamp_radius),
+        cmocka_unit_test(test_light_at_eye),
+        cmocka_unit_test(test_light_places),
+        cmocka_unit_test(test_light_far),
+        cmocka_unit_test(test_many_lights),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
