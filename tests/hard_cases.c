@@ -30,7 +30,7 @@
 #define DEPTH 1e-5
 #define ULP 5.97e-8
 
-enum { WIDE = 12, HIGH = 8, PIXELS = WIDE * HIGH, FLOATS = 3 * PIXELS };
+enum { WIDE = 24, HIGH = 16, PIXELS = WIDE * HIGH, FLOATS = 3 * PIXELS };
 
 /* -------------------------------------------------------- >>rows */
 
@@ -277,19 +277,22 @@ static int floor_below(void *user, scatter_vec3 o, scatter_vec3 d, scatter_surfa
 }
 
 static void test_light_near_surface(void **state) {
-    scatter_view view = look(0.3f, 0.25f, 0.2f, check_v3(0.5f, 0, 0.5f), 0.5f);
+    scatter_view view = beam(check_v3(0, 0, 0), check_v3(0.36f, -0.8f, 0.48f), 0.25f, 16e-6f);
     check_world w;
     (void)state;
     open_puffs(&w);
     w.scene.surface = floor_below;
-    add_lamp(&w, 0.5f, 1e-6f, 0.5f)->radius = 0;
-    /* the floor is lit as I h/r^3 where h is the lamp's height over the point that is hit: the
-       ray's 0.4 m in floats put the point 0.4 (4 ULP + 3e-7) = 2.2e-7 m too high or low */
+    add_lamp(&w, 0, 1e-6f, 0)->radius = 0;
+    /* the floor is lit as I h/r^3, r >= h the way to the lamp: 0.25 m of ray put the point beside
+       by 0.25 (1.5e-7 + 4 ULP) = 1e-7 m (rsqrt, roundings), which h and r^3 feel four times */
     hard_row("ideal lamp 1e-6 m above a surface", "its height over the point that is hit cancels",
-             0.22, error_of(&w, view, nodes(64)));
+             0.4, error_of(&w, view, nodes(64)));
+    view = beam(check_v3(0, 0, 0), check_v3(0.36f, -0.8f, 0.48f), 0.25f, 16e-3f);
     w.lights[0].position.y = 1e-3f;
     hard_row("ideal lamp 1e-3 m above a surface", "the same, 1000 times less",
-             PROMISE_64 + 0.22e-3, error_of(&w, view, nodes(64)));
+             PROMISE_64 + 0.4e-3, error_of(&w, view, nodes(64)));
+    w.lights[0].radius = 1e-3f;
+    promise_rows("lamp of 1 mm there", "the same, tamed by the radius", &w, view);
     rows_hold();
 }
 
@@ -409,6 +412,195 @@ static void test_many_lights(void **state) {
     rows_hold();
 }
 
+/* ------------------------------------------- >>thin and opaque */
+
+static void test_thin(void **state) {
+    check_world w;
+    float tau;
+    double truth;
+    (void)state;
+    open_puffs(&w);
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    w.scene.medium.extinction = grey(1e-8f);
+    promise_rows("optical depth 1e-8: the light it scatters", "1 - T is 0 in float", &w,
+                 front_view());
+    open_puffs(&w);
+    w.gaussians[0].c = w.gaussians[1].c = w.gaussians[2].c = w.gaussians[3].c = 1e-8f;
+    tau = scatter_optical_depth(&w.scene.medium, check_v3(0.2f, 0.4f, -1), check_v3(0.7f, 0.5f, 2));
+    truth = reference_optical_depth(&w.scene.medium, check_v3(0.2f, 0.4f, -1),
+                                    check_v3(0.7f, 0.5f, 2));
+    hard_row("optical depth 1e-8: scatter_optical_depth", "differences of erf lose small depths",
+             DEPTH, fabs(tau / truth - 1));
+    hard_fault("a depth a ten-thousandth too large", DEPTH, fabs(1.0001 * tau / truth - 1));
+    rows_hold();
+}
+
+static double brightest(const check_world *w, scatter_view view, scatter_quality q) {
+    static float rgb[FLOATS];
+    double most = 0;
+    int i;
+    shoot(&w->scene, view, q, rgb);
+    for (i = 0; i < FLOATS; i++)
+        most = rgb[i] > most || isnan(rgb[i]) ? rgb[i] : most;
+    return most;
+}
+
+/* A cube of depth 1e4, seen from the lit side and from behind. */
+static void test_opaque(void **state) {
+    check_world w;
+    (void)state;
+    open_cube(&w);
+    w.scene.medium.extinction = grey(1e4f);
+    add_lamp(&w, 0.4f, 0.7f, -1);
+    promise_rows("depth 1e4 of constant fog, lit from the front",
+                 "the light comes from the first 1e-4 m", &w, front_view());
+    w.lights[0].position.z = 2;
+    /* exp of anything beyond 87 is at most 1.7e-38 in each node: 4 W/sr at 1 m and 256 nodes */
+    hard_row("depth 1e4 from behind: brightest pixel", "underflow leaves noise or NaN", 4 * 1.7e-34,
+             brightest(&w, front_view(), nodes(64)));
+    open_puffs(&w);
+    w.scene.medium.extinction = grey(1e4f);
+    add_lamp(&w, 0.4f, 0.7f, -1);
+    promise_rows("Gaussians of depth 1e4, lit from the front", "an edge much narrower than 1/a", &w,
+                 front_view());
+    hard_row("Gaussians of depth 1e4: pixels that are not finite", "underflow, NaN", 0,
+             bad_pixels(&w, front_view(), nodes(16)));
+    w.lights[0].intensity.x = NAN; /* refused: the planted bad pixels are made by hand */
+    hard_fault("a bright pixel", 4 * 1.7e-34, 1e-20);
+    rows_hold();
+}
+
+/* ---------------------------------------------------- >>Gaussians */
+
+static void test_wide_gaussian(void **state) {
+    check_world w;
+    (void)state;
+    check_world_open(&w);
+    check_add_gaussian(&w, check_v3(3, -2, 5), 1e-3f, 1.5f);
+    check_bound(&w, check_cube(0, 1));
+    add_lamp(&w, 0.4f, 0.7f, 0.3f);
+    promise_rows("Gaussian 1000 times wider than the bounds", "differences of nearly equal erf", &w,
+                 front_view());
+    rows_hold();
+}
+
+/* Amplitude times extinction is what counts. */
+static void test_large_amplitude(void **state) {
+    check_world w;
+    size_t i;
+    (void)state;
+    open_puffs(&w);
+    for (i = 0; i < 4; i++)
+        w.gaussians[i].c *= 1e6f;
+    w.scene.medium.extinction = grey(1e-6f);
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    promise_rows("amplitude 1e6, extinction 1e-6", "cut-offs in density instead of depth", &w,
+                 front_view());
+    w.scene.medium.extinction = grey(1);
+    w.lights[0].position = check_v3(0.4f, 0.7f, -3);
+    promise_rows("amplitude 1e6, extinction 1", "visible out to five widths, opaque at four", &w,
+                 front_view());
+    rows_hold();
+}
+
+static void test_overlapping(void **state) {
+    check_world w;
+    (void)state;
+    check_world_open(&w);
+    check_add_gaussians(&w, 30, 1.0f, 3.0f, 30);
+    w.scene.medium.extinction = grey(0.2f);
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    promise_rows("30 overlapping Gaussians", "sums of many terms", &w, front_view());
+    rows_hold();
+}
+
+/* A Gaussian 1000 times narrower than the 64th part of the cube, on the axis of the picture. */
+static void test_narrow_gaussian(void **state) {
+    const float a = 64000;
+    scatter_view view = beam(check_v3(0.5f, 0.5f, 0.5f), check_v3(0, 0, 1), 2, 2e-4f);
+    check_world w;
+    (void)state;
+    check_world_open(&w);
+    check_add_gaussian(&w, check_v3(0.5f, 0.5f, 0.5f), a, a);
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    /* 2 m of ray in floats are 2 ULP off, 1.2e-7 m of the 1.6e-5 m width */
+    hard_row("Gaussian 1000 times narrower than a cell, alone", "no node meets it",
+             PROMISE_64 + 2 * ULP * (double)a, error_of(&w, view, nodes(64)));
+    hard_row("its picture from 64^3 volumes: pixels that are not finite", "one cell holds it all",
+             0, bad_pixels(&w, view, volumes(SCATTER_DEPTH_POLAR, 64)));
+    rows_hold();
+}
+
+/* Injection samples at cell centres: on a centre the narrow Gaussian counts whole, else not. */
+static void test_narrow_injected(void **state) {
+    static float values[64 * 64 * 64];
+    scatter_volume volume = {values, 64, 64, 64, {{0, 0, 0}, {1, 1, 1}}};
+    check_world w;
+    double worst = 0, sum = 0;
+    int i;
+    (void)state;
+    open_puffs(&w);
+    check_add_gaussian(&w, check_v3(32.5f / 64, 20.5f / 64, 7.5f / 64), 64000, 10);
+    check_add_gaussian(&w, grey(0.5f), 64000, 1000);
+    assert_int_equal(scatter_inject(NULL, &w.scene.medium, &volume), SCATTER_OK);
+    for (i = 0; i < 64 * 64 * 64; i++) {
+        double x = (i % 64 + 0.5) / 64, y = (i / 64 % 64 + 0.5) / 64, z = (i / 4096 + 0.5) / 64;
+        double d = reference_density(&w.scene.medium, check_v3((float)x, (float)y, (float)z));
+        worst = fmax(worst, fabs(values[i] - d));
+        sum = fmax(sum, d);
+    }
+    /* Gaussians are cut off at exp(-14) of their peak, 8.4e-7: four of at most 3 */
+    hard_row("Gaussians 1000 times narrower than a cell, injected", "smeared, or in another cell",
+             DEPTH * sum + 4 * 3 * 8.4e-7, worst);
+    values[123] += 0.001f;
+    hard_fault("one cell off", DEPTH * sum + 4 * 3 * 8.4e-7,
+               fabs(values[123] - reference_density(&w.scene.medium, check_v3(123.5f / 64, 0.5f / 64,
+                                                                              0.5f / 64))));
+    rows_hold();
+}
+
+/* ------------------------------------------ >>albedo and phase */
+
+static void test_albedo(void **state) {
+    check_world w;
+    (void)state;
+    open_puffs(&w);
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    w.scene.medium.albedo = grey(1);
+    promise_rows("albedo 1", "more out than in", &w, front_view());
+    w.scene.medium.albedo = grey(0);
+    hard_row("albedo 0: brightest pixel", "light from nowhere", 0,
+             brightest(&w, front_view(), nodes(16)));
+    w.scene.medium.albedo = grey(1e-6f);
+    hard_fault("albedo 1e-6", 0, brightest(&w, front_view(), nodes(16)));
+    rows_hold();
+}
+
+/* Into and away from a lamp behind the puffs, and a sun that stands in the picture. */
+static void test_anisotropy(void **state) {
+    static const float g[] = {0, 0.99f, -0.99f, 0.9999f, -0.9999f};
+    check_world w;
+    char name[64];
+    size_t i;
+    (void)state;
+    for (i = 0; i < CHECK_COUNT(g); i++) {
+        open_puffs(&w);
+        w.scene.medium.phase.kind = SCATTER_PHASE_HG;
+        w.scene.medium.phase.g = g[i];
+        add_lamp(&w, 0.5f, 0.52f, 1.7f);
+        snprintf(name, sizeof name, "g = %g, lamp in the picture", (double)g[i]);
+        promise_rows(name, "the lobe is narrower than the nodes", &w, front_view());
+        w.lights[0].kind = SCATTER_LIGHT_DIRECTIONAL;
+        w.lights[0].direction = check_v3(0, 0.05f, g[i] < 0 ? 1.0f : -1.0f);
+        /* p ~ ((1 - g)^2 + theta^2)^(-3/2) changes by at most 1.5/(1 - |g|) per radian; two unit
+           vectors of floats make an angle that is 2 ULP each wrong */
+        snprintf(name, sizeof name, "g = %g, sun in the picture, 64 nodes", (double)g[i]);
+        hard_row(name, "cos of small angles", PROMISE_64 + 1.5 * 4 * ULP / (1 - fabs((double)g[i])),
+                 error_of(&w, front_view(), nodes(64)));
+    }
+    rows_hold();
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rows_can_fail),
@@ -421,6 +613,15 @@ int main(void) {
         cmocka_unit_test(test_light_places),
         cmocka_unit_test(test_light_far),
         cmocka_unit_test(test_many_lights),
+        cmocka_unit_test(test_thin),
+        cmocka_unit_test(test_opaque),
+        cmocka_unit_test(test_wide_gaussian),
+        cmocka_unit_test(test_large_amplitude),
+        cmocka_unit_test(test_overlapping),
+        cmocka_unit_test(test_narrow_gaussian),
+        cmocka_unit_test(test_narrow_injected),
+        cmocka_unit_test(test_albedo),
+        cmocka_unit_test(test_anisotropy),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
