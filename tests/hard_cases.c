@@ -718,6 +718,441 @@ static void test_scale(void **state) {
     rows_hold();
 }
 
+/* -------------------------------------------------------- >>rays */
+
+static scatter_ray ray_of(scatter_vec3 origin, scatter_vec3 direction) {
+    scatter_ray r;
+    r.origin = origin;
+    r.direction = direction;
+    return r;
+}
+
+static scatter_sample sample_of(const scatter_context *context, scatter_ray ray) {
+    scatter_sample s;
+    assert_int_equal(scatter_radiance(context, &ray, NULL, &s), SCATTER_OK);
+    return s;
+}
+
+/* Relative RMSE of what is seen along some rays. */
+static double rays_error(const check_world *w, const scatter_ray *rays, int count,
+                         scatter_quality q) {
+    scatter_context *context = open_context(&w->scene, &q);
+    check_error e = check_no_error();
+    int i;
+    for (i = 0; i < count; i++) {
+        double medium[3], through[3], behind[3];
+        scatter_sample s = sample_of(context, rays[i]);
+        assert_int_equal(reference_radiance(&w->scene, &rays[i], medium, through, behind), 0);
+        check_add(&e, s.radiance.y + (double)s.transmittance.y * s.surface.y,
+                  medium[1] + through[1] * behind[1]);
+    }
+    scatter_destroy(context);
+    return check_rms(&e);
+}
+
+/* Difference of a sample from one of light and transmittance. */
+static double sample_error(scatter_sample s, double light, double through) {
+    return fmax(fabs(s.radiance.x - light), fabs(s.transmittance.x - through));
+}
+
+static void test_zero_length(void **state) {
+    static const float lengths[] = {0, 1e-40f};
+    scatter_surface hit = {0, {0, 0, -1}, {0, 0, 0}, {0, 0, 0}, 0};
+    scatter_ray ray = {{0.4f, 0.5f, 0.6f}, {0.1f, 0.2f, 1}};
+    scatter_quality q = nodes(16);
+    scatter_context *context;
+    check_world w;
+    double worst = 0;
+    int i;
+    (void)state;
+    open_town(&w, 0);
+    context = open_context(&w.scene, &q);
+    for (i = 0; i < 2; i++) {
+        scatter_sample s;
+        hit.distance = lengths[i];
+        assert_int_equal(scatter_radiance(context, &ray, &hit, &s), SCATTER_OK);
+        worst = fmax(worst, sample_error(s, 0, 1));
+    }
+    worst = fmax(worst, scatter_optical_depth(&w.scene.medium, ray.origin, ray.origin));
+    hard_row("rays of length 0 and 1e-40 m", "0/0", 1e-37, worst);
+    hard_fault("a ray that goes on", 1e-37, sample_error(sample_of(context, ray), 0, 1));
+    scatter_destroy(context);
+    rows_hold();
+}
+
+/* Along a face of a cube of fog: 1e-6 m inside, in it, 1e-6 m outside. */
+static void test_grazing_bounds(void **state) {
+    scatter_quality q = nodes(64);
+    scatter_ray ray = {{0.3f, 0, -1}, {0, 0, 1}};
+    scatter_context *context;
+    scatter_sample in, on, out;
+    check_world w;
+    (void)state;
+    open_cube(&w);
+    w.scene.medium.bounds.min.y = 0;
+    add_lamp(&w, 0.5f, 0.5f, -0.5f);
+    context = open_context(&w.scene, &q);
+    on = sample_of(context, ray);
+    ray.origin.y = -1e-6f;
+    out = sample_of(context, ray);
+    ray.origin.y = 1e-6f;
+    in = sample_of(context, ray);
+    scatter_destroy(context);
+    hard_row("ray 1e-6 m inside a face of the bounds", "clipped by rounding", PROMISE_64,
+             rays_error(&w, &ray, 1, q));
+    hard_row("ray 1e-6 m outside a face", "not clipped", 0, sample_error(out, 0, 1));
+    hard_row("ray in the face: inside or outside, not between", "0/0 in a slab",
+             PROMISE_64, fmin(sample_error(on, 0, 1),
+                              sample_error(on, in.radiance.x, in.transmittance.x)));
+    hard_fault("half a ray", PROMISE_64,
+               fmin(sample_error(in, 0, 1), fabs(0.5 * in.radiance.x - in.radiance.x)));
+    rows_hold();
+}
+
+/* Past a Gaussian where it is cut off, against what its centre sends. */
+static void test_grazing_gaussian(void **state) {
+    scatter_quality q = nodes(64);
+    scatter_context *context;
+    scatter_ray ray = {{0, 0, -4}, {0, 0, 1}};
+    check_world w;
+    double center, medium[3], worst = 0;
+    float h;
+    (void)state;
+    check_world_open(&w);
+    check_add_gaussian(&w, check_v3(0, 0, 0), 2, 0.5f);
+    add_lamp(&w, 0, 3, 0);
+    context = open_context(&w.scene, &q);
+    center = sample_of(context, ray).radiance.x;
+    for (h = 1.5f; h < 2.5f; h += 0.01f) {
+        ray.origin.y = -h;
+        assert_int_equal(reference_radiance(&w.scene, &ray, medium, NULL, NULL), 0);
+        worst = fmax(worst, fabs(sample_of(context, ray).radiance.x - medium[0]) / center);
+    }
+    scatter_destroy(context);
+    hard_row("rays past the cut-off of a Gaussian", "its edge shows", exp(-14), worst);
+    hard_fault("no Gaussian at two widths", exp(-14), exp(-4));
+    rows_hold();
+}
+
+/* Both ways along the axes, through the centre and along cell faces and edges. */
+static void axis_rays(scatter_ray *rays) {
+    int i;
+    for (i = 0; i < 24; i++) {
+        float sign = i & 1 ? -1.0f : 1.0f, place[4] = {0.5f, 0.25f, 0.375f, 0.3f};
+        int axis = i / 2 % 3, where = i / 6;
+        scatter_vec3 d = check_v3(axis == 0 ? sign : 0, axis == 1 ? sign : 0, axis == 2 ? sign : 0);
+        rays[i] = ray_of(check_along(grey(place[where]), -3, d), d);
+    }
+}
+
+static void test_axis_parallel(void **state) {
+    static scatter_ray rays[24];
+    check_world w;
+    double worst = 0;
+    int i;
+    (void)state;
+    axis_rays(rays);
+    open_town(&w, 0);
+    hard_row("rays along the axes, through centres and edges", "0 in a direction is divided by",
+             PROMISE_64, rays_error(&w, rays, 24, nodes(64)));
+    check_add_grid(&w, 8, 8, 8, check_cube(0, 1), 8);
+    for (i = 0; i < 24; i++) {
+        scatter_vec3 end = check_along(rays[i].origin, 6, rays[i].direction);
+        double truth = reference_optical_depth(&w.scene.medium, rays[i].origin, end);
+        worst = fmax(worst,
+                     fabs(scatter_optical_depth(&w.scene.medium, rays[i].origin, end) / truth - 1));
+    }
+    hard_row("depth along the axes, in faces and edges of voxels", "planes of voxels missed or met twice",
+             DEPTH + 8e-7, worst);
+    rows_hold();
+}
+
+static void test_reversed(void **state) {
+    check_world w;
+    uint64_t seed = 12;
+    double worst = 0, wrong = 0;
+    int i;
+    (void)state;
+    open_town(&w, 0);
+    check_add_grid(&w, 7, 11, 5, check_cube(0, 1), 8);
+    for (i = 0; i < 200; i++) {
+        scatter_vec3 p = check_point(&seed, -1, 2), q = check_point(&seed, -1, 2);
+        float there = scatter_optical_depth(&w.scene.medium, p, q);
+        float back = scatter_optical_depth(&w.scene.medium, q, p);
+        if (!(there > 0))
+            continue;
+        worst = fmax(worst, fabs((double)back / there - 1));
+        wrong = fmax(wrong, fabs((double)back / there * 1.0001 - 1));
+    }
+    hard_row("depth there and back", "which end is the origin", 2 * DEPTH, worst);
+    hard_fault("one way a ten-thousandth deeper", 2 * DEPTH, wrong);
+    rows_hold();
+}
+
+/* ----------------------------------------------------- >>cameras */
+
+/* Seen past the edge of the lens: the middle of the picture is `shift` pictures aside. */
+static scatter_view off_axis(scatter_view v, float shift) {
+    v.direction = check_along(v.direction, shift, v.direction_dx);
+    v.direction = check_along(v.direction, -shift, v.direction_dy);
+    return v;
+}
+
+static void test_cameras(void **state) {
+    check_world w;
+    scatter_view far = look(0.5f, 0.5f, -600, grey(0.5f), 0.1f * 3.14159265f / 180);
+    (void)state;
+    open_puffs(&w);
+    w.scene.background = check_v3(0.1f, 0.2f, 0.3f);
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    promise_rows("orthographic camera", "rays that do not share an origin", &w,
+                 beam(grey(0.5f), check_v3(0.48f, -0.6f, 0.64f), 3, 2));
+    promise_rows("off-axis camera, by half a picture", "the target is not in the middle", &w,
+                 off_axis(look(-1.5f, 2.5f, -2, grey(0.5f), 0.7f), 0.5f));
+    promise_rows("camera of 179 degrees in the medium", "directions of very different length", &w,
+                 look(0.4f, 0.6f, 0.2f, grey(0.5f), 179 * 3.14159265f / 180));
+    /* 600 m of ray are 36 um in a float: the light's peak d = 0.5 m, the medium's widths of 0.25 m
+       and 3 roundings make 4 times 3 times that of it */
+    hard_row("camera of 0.1 degrees at 600 m, 64 nodes", "neighbouring rays are nearly the same",
+             PROMISE_64 + 4 * 3 * 600 * ULP, error_of(&w, far, nodes(64)));
+    rows_hold();
+}
+
+/* ------------------------------------------------- >>depth buffers */
+
+typedef enum projection { STANDARD, STANDARD_INFINITE, REVERSED, REVERSED_INFINITE } projection;
+
+/* Depth as a buffer holds it, 0..1, of a point z metres ahead: (A z + B)/z. */
+static void projection_terms(projection kind, double near, double far, double *a, double *b) {
+    static const double reversed[4] = {0, 0, 1, 1}, infinite[4] = {0, 1, 0, 1};
+    *a = infinite[kind] > 0 ? 1 : far / (far - near); /* standard: 0 at near, 1 at far */
+    *b = -near * *a;
+    if (reversed[kind] > 0) {
+        *a = 1 - *a;
+        *b = -*b;
+    }
+}
+
+/* The inverse of the 4x4 matrix m, row-major, by Gauss and Jordan. */
+static void invert(const double m[16], double inverse[16]) {
+    double a[4][8];
+    int i, j, k;
+    for (i = 0; i < 4; i++)
+        for (j = 0; j < 8; j++)
+            a[i][j] = j < 4 ? m[4 * i + j] : j - 4 == i;
+    for (i = 0; i < 4; i++) {
+        int pivot = i;
+        for (k = i + 1; k < 4; k++)
+            pivot = fabs(a[k][i]) > fabs(a[pivot][i]) ? k : pivot;
+        for (j = 0; j < 8; j++) {
+            double swap = a[i][j];
+            a[i][j] = a[pivot][j];
+            a[pivot][j] = swap;
+        }
+        for (k = 0; k < 4; k++) {
+            double f = k == i ? 0 : a[k][i] / a[i][i];
+            for (j = 0; j < 8; j++)
+                a[k][j] -= f * a[i][j];
+        }
+    }
+    for (i = 0; i < 16; i++)
+        inverse[i] = a[i / 4][4 + i % 4] / a[i / 4][i / 4];
+}
+
+/* World to clip space of a camera at `eye` that looks along z, x to the left (right = forward x up),
+   rows for clip x, y, z, w. */
+static void clip_matrix(projection kind, scatter_vec3 eye, double near, double m[16]) {
+    double f = 1 / tan(0.35), a, b;
+    memset(m, 0, 16 * sizeof *m);
+    projection_terms(kind, near, 100, &a, &b);
+    m[0] = -f * HIGH / WIDE;
+    m[3] = f * HIGH / WIDE * eye.x;
+    m[5] = f;
+    m[7] = -f * eye.y;
+    m[10] = a;
+    m[11] = b - a * eye.z;
+    m[14] = 1;
+    m[15] = -eye.z;
+}
+
+/* Distance from the eye of what a depth buffer holds in pixel x, y; 0: nothing, the sky. */
+static float distance_of_depth(const double inverse[16], scatter_vec3 eye, int x, int y,
+                               double depth, double sky) {
+    double clip[4], p[4];
+    int i, j;
+    if (depth == sky)
+        return 0;
+    clip[0] = 2 * (x + 0.5) / WIDE - 1;
+    clip[1] = 1 - 2 * (y + 0.5) / HIGH;
+    clip[2] = depth;
+    clip[3] = 1;
+    for (i = 0; i < 4; i++)
+        for (p[i] = 0, j = 0; j < 4; j++)
+            p[i] += inverse[4 * i + j] * clip[j];
+    p[0] = p[0] / p[3] - eye.x;
+    p[1] = p[1] / p[3] - eye.y;
+    p[2] = p[2] / p[3] - eye.z;
+    return (float)sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+}
+
+/* A black slanted wall, z = 0.5 + 0.3 y, for y < 0.8; sky above. */
+static int slanted_wall(void *user, scatter_vec3 o, scatter_vec3 d, scatter_surface *hit) {
+    double t = (0.5 + 0.3 * o.y - o.z) / ((double)d.z - 0.3 * d.y);
+    (void)user;
+    memset(hit, 0, sizeof *hit);
+    hit->distance = (float)(t * sqrt(check_dot(d, d)));
+    hit->normal = check_v3(0, 0, -1);
+    return t > 0 && o.y + t * d.y < 0.8;
+}
+
+/* The wall as a depth buffer of floats, near plane at 0.1 m, and its distances out of that again by a
+   matrix with the near plane at `near`. */
+static void depth_buffer(projection kind, double near, scatter_view view, float *distance) {
+    const scatter_vec3 eye = view.origin;
+    double m[16], inverse[16], sky = kind >= REVERSED ? 0 : 1;
+    int i;
+    clip_matrix(kind, eye, near, m);
+    invert(m, inverse);
+    clip_matrix(kind, eye, 0.1, m);
+    for (i = 0; i < PIXELS; i++) {
+        int x = i % WIDE, y = i / WIDE;
+        scatter_ray r =
+            scatter_view_ray(&view, ((float)x + 0.5f) / WIDE, ((float)y + 0.5f) / HIGH);
+        scatter_surface hit;
+        float depth = (float)sky;
+        if (slanted_wall(NULL, r.origin, r.direction, &hit)) {
+            double z = eye.z + (double)hit.distance * r.direction.z; /* directions are unit vectors */
+            depth = (float)((m[10] * z + m[11]) / (m[14] * z + m[15]));
+        }
+        distance[i] = distance_of_depth(inverse, eye, x, y, depth, sky);
+    }
+}
+
+static void test_depth_buffers(void **state) {
+    static const char *names[] = {"depth buffer, standard", "depth buffer, standard, infinite",
+                                  "depth buffer, reversed-Z", "depth buffer, reversed-Z, infinite"};
+    static float truth[FLOATS], rgb[FLOATS], distance[PIXELS];
+    scatter_quality q = nodes(16);
+    scatter_view view = look(0.5f, 0.5f, -2, check_v3(0.5f, 0.5f, 1), 0.7f);
+    scatter_context *context;
+    scatter_image image;
+    check_world w;
+    int kind;
+    (void)state;
+    open_puffs(&w);
+    add_lamp(&w, 0.5f, 0.9f, -0.3f);
+    w.scene.surface = slanted_wall;
+    shoot(&w.scene, view, q, truth);
+    context = open_context(&w.scene, &q);
+    memset(&image, 0, sizeof image);
+    image.width = WIDE;
+    image.height = HIGH;
+    image.rgb = rgb;
+    image.distance = distance;
+    for (kind = STANDARD; kind <= REVERSED_INFINITE; kind++) {
+        depth_buffer((projection)kind, 0.1, view, distance);
+        assert_int_equal(scatter_render(context, &view, &image), SCATTER_OK);
+        /* an ulp of a standard depth is z^2/near 2^-24 = 4e-6 m at 2.6 m; light gathers over half a
+           metre or more, so radiance feels twice that. Reversed depths have more digits */
+        hard_row(names[kind], "distances from depths lose digits far away",
+                 2 * 2.6 * 2.6 / 0.1 * ULP, image_error(rgb, truth));
+    }
+    depth_buffer(STANDARD, 0.1001, view, distance);
+    assert_int_equal(scatter_render(context, &view, &image), SCATTER_OK);
+    hard_fault("a near plane 0.1 mm aside", 2 * 2.6 * 2.6 / 0.1 * ULP, image_error(rgb, truth));
+    scatter_destroy(context);
+    rows_hold();
+}
+
+/* ------------------------------------------------------- >>voxels */
+
+static void test_grids(void **state) {
+    static const int sizes[][3] = {{1, 1, 1}, {2, 1, 300}, {7, 31, 3}};
+    static const char *names[] = {"grid 1 x 1 x 1", "grid 2 x 1 x 300", "grid 7 x 31 x 3"};
+    check_world w;
+    char label[80];
+    int i, k;
+    (void)state;
+    for (i = 0; i < 3; i++) {
+        uint64_t seed = 3;
+        double worst = 0;
+        check_world_open(&w);
+        check_add_grid(&w, sizes[i][0], sizes[i][1], sizes[i][2], check_cube(0, 1), 21);
+        w.voxels[0][0] = 0.7f;
+        add_lamp(&w, 0.4f, 1.5f, -0.6f);
+        for (k = 0; k < 100; k++) {
+            scatter_vec3 p = check_point(&seed, -0.5f, 1.5f), q = check_point(&seed, 0, 1);
+            double truth = reference_optical_depth(&w.scene.medium, p, q);
+            worst = fmax(worst, fabs(scatter_optical_depth(&w.scene.medium, p, q) - truth) / truth);
+        }
+        snprintf(label, sizeof label, "%s: scatter_optical_depth", names[i]);
+        hard_row(label, "neighbours that do not exist", DEPTH + 1e-7 * sizes[i][2], worst);
+        /* four samples a voxel: where the density bends, on average by 0.57 a voxel of a mean of
+           0.37 in random voxels, h^2/8 of that is missed, h = 1/4: 1.2 % of a voxel, and three or
+           more of them with random signs; a single voxel does not bend */
+        snprintf(label, sizeof label, "%s: picture, 64 nodes", names[i]);
+        hard_row(label, "the same", i == 0 ? PROMISE_64 : 7e-3,
+                 error_of(&w, front_view(), nodes(64)));
+    }
+    rows_hold();
+}
+
+/* 512^3 voxels of 1 + sin(2 pi z/8)/2, 512 MB of addresses for 8 slices of memory: the same file is
+   mapped 64 times. NULL if there is no room for so many addresses. */
+static float *map_voxels(size_t part, int parts) {
+    FILE *file = tmpfile();
+    float *slices = (float *)malloc(part), *voxels;
+    size_t i;
+    int k, good;
+    assert_true(file != NULL && slices != NULL);
+    for (i = 0; i < part / sizeof(float); i++)
+        slices[i] = (float)(1 + 0.5 * sin(2 * CHECK_PI * (double)(i >> 18) / 8));
+    good = fwrite(slices, part, 1, file) == 1 && fflush(file) == 0;
+    free(slices);
+    assert_true(good);
+    voxels = (float *)mmap(NULL, part * (size_t)parts, PROT_READ, MAP_SHARED, fileno(file), 0);
+    good = voxels != MAP_FAILED;
+    for (k = 0; k < parts && good; k++)
+        good = mmap((char *)voxels + part * (size_t)k, part, PROT_READ, MAP_SHARED | MAP_FIXED,
+                    fileno(file), 0) != MAP_FAILED;
+    fclose(file);
+    return good ? voxels : NULL;
+}
+
+static void test_large_grid(void **state) {
+    static const scatter_ray rays[3] = {{{1.2f, 0.9f, 0.8f}, {-0.5f, 0.1f, 0.3f}},
+                                        {{0.8f, 0.8f, 1.25f}, {0.4f, 0.3f, -1}},
+                                        {{0.9f, 1.25f, 0.95f}, {0.1f, -1, -0.2f}}};
+    const size_t part = (size_t)8 << 20;
+    float *voxels = map_voxels(part, 64);
+    double worst = 0;
+    check_world w;
+    int i;
+    (void)state;
+    assert_true(voxels != NULL);
+    check_world_open(&w);
+    check_add_grid(&w, 1, 1, 1, check_cube(0, 1), 1);
+    w.grids[0].nx = w.grids[0].ny = w.grids[0].nz = 512;
+    w.grids[0].density = voxels;
+    check_bound(&w, check_cube(0.75f, 1)); /* so that the reference is done in seconds */
+    add_lamp(&w, 1.2f, 1.1f, 1.3f);
+    for (i = 0; i < 3; i++) {
+        scatter_vec3 end = check_along(rays[i].origin, 2, rays[i].direction);
+        double truth = reference_optical_depth(&w.scene.medium, rays[i].origin, end);
+        worst = fmax(worst,
+                     fabs(scatter_optical_depth(&w.scene.medium, rays[i].origin, end) / truth - 1));
+    }
+    /* scatter.h: n 1e-7 of a voxel's change, pi/8, more */
+    hard_row("grid 512^3: scatter_optical_depth", "indices beyond 2^31 bytes, lost voxel coordinates",
+             DEPTH + 512e-7 * CHECK_PI / 8, worst);
+    /* one sample a voxel: where a panel of 16 voxels ends, the midpoint rule is h^2/24 of the slope
+       off, and a slope is pi/8 a voxel at most: two ends for 16 voxels of density 1 */
+    hard_row("grid 512^3: rays, 16 nodes", "the same", 2 * CHECK_PI / 8 / 24 / 16,
+             rays_error(&w, rays, 3, nodes(16)));
+    munmap(voxels, part * 64);
+    rows_hold();
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rows_can_fail),
@@ -741,6 +1176,15 @@ int main(void) {
         cmocka_unit_test(test_anisotropy),
         cmocka_unit_test(test_offset),
         cmocka_unit_test(test_scale),
+        cmocka_unit_test(test_zero_length),
+        cmocka_unit_test(test_grazing_bounds),
+        cmocka_unit_test(test_grazing_gaussian),
+        cmocka_unit_test(test_axis_parallel),
+        cmocka_unit_test(test_reversed),
+        cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_depth_buffers),
+        cmocka_unit_test(test_grids),
+        cmocka_unit_test(test_large_grid),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
