@@ -1405,30 +1405,29 @@ SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, scatte
     }
 }
 
-/* Marks bricks whose trilinear support holds a voxel that is not 0; the mask must have room for bx*by*bz. */
+/* Whether a voxel in or next to the brick is not 0: then its trilinear support is not empty. */
+static int scatteri_brick_holds(const scatter_grid *grid, int b, int c, int d)
+{
+    const int i0 = b * SCATTERI_BRICK - 1, j0 = c * SCATTERI_BRICK - 1, k0 = d * SCATTERI_BRICK - 1;
+    const int beyond = SCATTERI_BRICK + 2; /* a voxel on either side */
+    int i, j, k;
+    for (k = k0 > 0 ? k0 : 0; k < k0 + beyond && k < grid->nz; k++)
+        for (j = j0 > 0 ? j0 : 0; j < j0 + beyond && j < grid->ny; j++)
+            for (i = i0 > 0 ? i0 : 0; i < i0 + beyond && i < grid->nx; i++)
+                if (scatteri_voxel(grid, i, j, k) != 0.0f)
+                    return 1;
+    return 0;
+}
+
+/* Fills the mask of bx*by*bz bricks. */
 static void scatteri_mark_bricks(scatteri_field *field)
 {
-    const scatter_grid *grid = &field->grid;
-    int i, j, k;
-    memset(field->bricks, 0, (size_t)field->bx * (size_t)field->by * (size_t)field->bz);
-    for (k = 0; k < grid->nz; k++)
-        for (j = 0; j < grid->ny; j++)
-            for (i = 0; i < grid->nx; i++) {
-                int di, dj, dk;
-                if (!(scatteri_voxel(grid, i, j, k) != 0.0f))
-                    continue;
-                for (dk = -1; dk <= 1; dk++)
-                    for (dj = -1; dj <= 1; dj++)
-                        for (di = -1; di <= 1; di++) {
-                            const int b =
-                                scatteri_clamp_int(i + di, 0, grid->nx - 1) / SCATTERI_BRICK;
-                            const int c =
-                                scatteri_clamp_int(j + dj, 0, grid->ny - 1) / SCATTERI_BRICK;
-                            const int d =
-                                scatteri_clamp_int(k + dk, 0, grid->nz - 1) / SCATTERI_BRICK;
-                            field->bricks[(d * field->by + c) * field->bx + b] = 1;
-                        }
-            }
+    unsigned char *mark = field->bricks;
+    int b, c, d;
+    for (d = 0; d < field->bz; d++)
+        for (c = 0; c < field->by; c++)
+            for (b = 0; b < field->bx; b++)
+                *mark++ = (unsigned char)scatteri_brick_holds(&field->grid, b, c, d);
 }
 
 static int scatteri_brick_of(float voxel, int count)
