@@ -3764,10 +3764,12 @@ typedef struct scatteri_eye {
     scatteri_radiance radiance;
 } scatteri_eye;
 
-/* How far an unbounded medium is followed: to where it is opaque, or has thinned out, or to the horizon. */
-static float scatteri_horizon(const scatteri_medium *m, scatter_vec3 o, scatter_vec3 u)
+/* How far fog is followed: to where it is opaque, or has thinned out, or ends, or (where it has no bounds) to the
+   horizon. */
+static float scatteri_horizon(const scatteri_medium *m, scatter_vec3 o, scatter_vec3 u, float end)
 {
-    float far = SCATTERI_HORIZON, low = 1e-3f, scale = 0.0f;
+    float far = m->desc.bounded ? end : scatteri_min(end, SCATTERI_HORIZON);
+    float low = 1e-9f * far, scale = 0.0f;
     size_t i;
     int step;
     for (i = 0; i < m->desc.height_count; i++)
@@ -4627,7 +4629,8 @@ static void scatteri_cut_to_medium(const scatteri_medium *m, scatteri_rays *rays
             rays->t1[l] = scatteri_min(
                 rays->t1[l],
                 rays->t0[l] + scatteri_horizon(m, scatteri_ray_point(rays, l, rays->t0[l]),
-                                               scatteri_ray_direction(rays, l)));
+                                               scatteri_ray_direction(rays, l),
+                                               rays->t1[l] - rays->t0[l]));
 }
 
 /* Gathers what lies on the rays; 0 if nothing does. */
