@@ -2623,9 +2623,12 @@ static scatteri_rays scatteri_row(const scatter_depth *d, int j, int k)
 {
     scatteri_rays row;
     int l;
-    row.ref = scatteri_cell(d, 0, j, k);
+    row.ref = d->box.min;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        row.ox[l] = row.oy[l] = row.oz[l] = row.dy[l] = row.dz[l] = row.t0[l] = 0.0f;
+        row.ox[l] = 0.5f * d->cell.x;
+        row.oy[l] = ((float)j + 0.5f) * d->cell.y;
+        row.oz[l] = ((float)k + 0.5f) * d->cell.z;
+        row.dy[l] = row.dz[l] = row.t0[l] = 0.0f;
         row.dx[l] = 1.0f;
         row.t1[l] = (float)(d->nx - 1) * d->cell.x;
     }
@@ -2645,8 +2648,10 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
         const int count = (left + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
         float *out = d->values + scatteri_cell_index(d, start, j, k);
         for (i = 0; i < count; i++) {
-            p->x[i] = (float)(start + (i < left ? i : left - 1)) * d->cell.x;
-            p->y[i] = p->z[i] = depth[i] = 0.0f;
+            p->x[i] = ((float)(start + (i < left ? i : left - 1)) + 0.5f) * d->cell.x;
+            p->y[i] = row.oy[0];
+            p->z[i] = row.oz[0];
+            depth[i] = 0.0f;
         }
         scatteri_face_source(&d->source, &d->medium->desc, count, p);
         scatteri_add_shadows(shadows, &row, count, p->x, p, depth);
@@ -2918,7 +2923,7 @@ static void scatteri_parallel_columns(scatter_depth *d)
     scatteri_polar_frame(d, d->source.direction);
     d->low_u = d->low_v = d->low_r = SCATTERI_FAR;
     for (i = 0; i < 8; i++) {
-        const scatter_vec3 x = scatteri_corner(d->box, i);
+        const scatter_vec3 x = scatteri_sub(scatteri_corner(d->box, i), d->box.min);
         const float u = scatteri_dot(x, d->axis_u), v = scatteri_dot(x, d->axis_v),
                     r = scatteri_dot(x, d->axis_w);
         d->low_u = scatteri_min(d->low_u, u);
@@ -2972,15 +2977,15 @@ static void scatteri_columns(const scatter_depth *d, int i, int j, scatteri_rays
 {
     const float v = d->low_v + (float)j * d->step_v,
                 start = d->source.directional ? 0.0f : d->low_r;
+    const scatter_vec3 side =
+        scatteri_add(scatteri_scale(d->axis_w, d->low_r), scatteri_scale(d->axis_v, v));
     scatter_vec3 o = {0.0f, 0.0f, 0.0f}, w = d->axis_w;
     int l;
-    rays->ref = d->source.directional ? scatteri_add(scatteri_scale(d->axis_w, d->low_r),
-                                                     scatteri_scale(d->axis_v, v))
-                                      : d->source.position;
+    rays->ref = d->source.directional ? d->box.min : d->source.position;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float u = d->low_u + (float)(i + l < d->nx ? i + l : d->nx - 1) * d->step_u;
         if (d->source.directional)
-            o = scatteri_scale(d->axis_u, u);
+            o = scatteri_add(side, scatteri_scale(d->axis_u, u));
         else
             w = scatteri_column_direction(d, u, v);
         rays->ox[l] = o.x;
@@ -3202,7 +3207,8 @@ SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_po
 {
     const int directional = d->source.directional, nu = d->nx, nv = d->ny, nr = d->nz;
     const scatter_vec3 u = d->axis_u, v = d->axis_v, w = d->axis_w;
-    const scatter_vec3 o = directional ? p->ref : scatteri_sub(p->ref, d->source.position);
+    const scatter_vec3 o =
+        scatteri_sub(p->ref, directional ? d->box.min : d->source.position);
     const float iu = 1.0f / d->step_u, iv = 1.0f / d->step_v, ir = 1.0f / d->step_r;
     const float last = d->low_r + (float)(nr - 1) * d->step_r, parallel = (float)directional;
     int base[SCATTERI_LANES], l;
