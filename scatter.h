@@ -1568,6 +1568,7 @@ typedef struct scatteri_medium {
     scatteri_gaussians gaussians;
     scatteri_field *fields; /* one for each grid */
     scatteri_lobes lobes;
+    float turn;        /* -1: the lobes are of the opposite angle */
     scatter_box local; /* outside, the local terms are 0 */
     int has_local, has_analytic, gray;
     float sigma_least; /* of the channels with extinction; 0 if none has */
@@ -1587,9 +1588,21 @@ static scatteri_lobes scatteri_lobes_of(const scatter_phase *phase)
     return scatteri_lobe(0.0f, 0.0f);
 }
 
+/* Makes a lobe that points backwards one of the opposite angle, p(cos; g) = p(-cos; -g), so that 1 - cos keeps the
+   digits of narrow ones; -1 then, else 1. */
+static float scatteri_turn_lobes(scatteri_lobes *lobes)
+{
+    if (lobes->weight > 0.0f || !(lobes->g1 < 0.0f))
+        return 1.0f;
+    lobes->g1 = -lobes->g1;
+    return -1.0f;
+}
+
 SCATTER_API float scatter_phase_value(const scatter_phase *phase, float cos_theta)
 {
-    return scatteri_phase(scatteri_lobes_of(phase), 1.0f - scatteri_clamp(cos_theta, -1.0f, 1.0f));
+    scatteri_lobes lobes = scatteri_lobes_of(phase);
+    const float turn = scatteri_turn_lobes(&lobes);
+    return scatteri_phase(lobes, 1.0f - turn * scatteri_clamp(cos_theta, -1.0f, 1.0f));
 }
 
 static void scatteri_grow(scatter_box *box, scatter_vec3 low, scatter_vec3 high)
@@ -1669,6 +1682,7 @@ static void scatteri_take_optics(scatteri_medium *medium, const scatter_medium *
     medium->desc.emission = desc->emission;
     medium->desc.phase = desc->phase;
     medium->lobes = scatteri_lobes_of(&desc->phase);
+    medium->turn = scatteri_turn_lobes(&medium->lobes);
     medium->gray = s.x == s.y && s.y == s.z;
     medium->sigma_least = least_xy > 0.0f && (least_xy < s.z || !(s.z > 0.0f)) ? least_xy : s.z;
     medium->sigma_most = s.x > s.y ? s.x : s.y;
@@ -3523,17 +3537,19 @@ typedef struct scatteri_map {
     float t0[SCATTERI_LANES];  /* ray parameter closest to the light */
     float d2[SCATTERI_LANES];  /* squared distance there */
     float d[SCATTERI_LANES];   /* sqrt(d2 + R^2), never 0: t = t0 + d sinh(u) */
-    float omc[SCATTERI_LANES]; /* 1 - cos of the scattering angle of a directional light */
+    float turn;                /* of the medium's lobes */
+    float omc[SCATTERI_LANES]; /* 1 - turn cos of the scattering angle of a directional light */
 } scatteri_map;
 
 SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const scatteri_light *light,
-                                            scatteri_map *map)
+                                            float turn, scatteri_map *map)
 {
     const scatter_vec3 s = scatteri_sub(light->desc.position, rays->ref),
                        w = light->desc.direction;
     const float r = light->desc.radius;
     int l;
     map->local = !light->source.directional;
+    map->turn = turn;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const scatter_vec3 u = scatteri_v3(rays->dx[l], rays->dy[l], rays->dz[l]);
         const scatter_vec3 to =
@@ -3545,7 +3561,7 @@ SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const sca
         map->d2[l] = d2;
         map->d[l] =
             scatteri_max(scatteri_sqrt(d2 + r * r), 1e-6f * scatteri_max(1e-3f, scatteri_abs(t0)));
-        map->omc[l] = scatteri_omc(w, scatteri_scale(u, -1.0f));
+        map->omc[l] = scatteri_omc(w, scatteri_scale(u, -turn));
     }
 }
 
@@ -3627,7 +3643,7 @@ SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const sca
                 const float q2 = scatteri_max(map->d2[l] + s * s, 1e-30f),
                             inverse = scatteri_rsqrt(q2), q = q2 * inverse;
                 const float back = map->d2[l] * inverse / (q + scatteri_abs(s));
-                omc[l] = scatteri_choose(s, 0.0f, back, 1.0f + s * inverse);
+                omc[l] = scatteri_choose(map->turn * s, 0.0f, back, 1.0f + scatteri_abs(s) * inverse);
                 fall[l] /= q2 + r2;
             }
         if (spot)
@@ -4103,7 +4119,7 @@ static void scatteri_evaluate_panel(scatteri_eye *eye, int p, const scatteri_rul
             if (!scatteri_in_pass(c, pass, i))
                 continue;
             if (!map.local)
-                scatteri_map_light(&eye->rays, &c->lights[i], &map);
+                scatteri_map_light(&eye->rays, &c->lights[i], c->medium.turn, &map);
             scatteri_add_light(eye, &c->lights[i], &map, &span, 0);
         }
     }
@@ -4582,7 +4598,7 @@ static void scatteri_integrate(scatteri_eye *eye)
         pass->first = i;
         pass->end = i + 1;
         pass->cut = &c->lights[i];
-        scatteri_map_light(&eye->rays, &c->lights[i], &pass->map);
+        scatteri_map_light(&eye->rays, &c->lights[i], c->medium.turn, &pass->map);
         if ((pass->map.local || !shared) && scatteri_in_pass(c, pass, i))
             scatteri_run_pass(eye);
     }
@@ -4706,7 +4722,7 @@ static void scatteri_march_eye(scatteri_eye *eye, float *depth)
             scatteri_add_emission(eye);
         for (i = 0; i < c->light_count; i++) {
             scatteri_map map;
-            scatteri_map_light(&eye->rays, &c->lights[i], &map);
+            scatteri_map_light(&eye->rays, &c->lights[i], c->medium.turn, &map);
             scatteri_add_light(eye, &c->lights[i], &map, &span, c->scene.visible != NULL);
         }
     }
