@@ -2356,15 +2356,17 @@ static void scatteri_begin_shadows(scatteri_shadows *s, const scatteri_medium *m
 }
 
 /* Rays and source lie in a plane, for each ray: the axis is the ray towards a local source, and the way to a
-   directional one; `side` is square to it. A point on the ray is s from the foot, the point closest to the source (from
-   the ray's origin, if directional). */
+   directional one; `side` is square to it. A point on the ray is s from the foot, the point of its stretch closest to a
+   local source, so that s keeps the digits of t however far the source is. */
 typedef struct scatteri_sight {
     float fx[SCATTERI_LANES], fy[SCATTERI_LANES], fz[SCATTERI_LANES]; /* foot, relative to the rays' ref */
     float ax[SCATTERI_LANES], ay[SCATTERI_LANES], az[SCATTERI_LANES]; /* axis */
     float ex[SCATTERI_LANES], ey[SCATTERI_LANES], ez[SCATTERI_LANES]; /* side; 0 if ray and source are in line */
-    float away[SCATTERI_LANES];  /* distance of a local source at the foot; sine to a directional one */
+    float away[SCATTERI_LANES];  /* distance of a local source across the ray; sine to a directional one */
+    float ahead[SCATTERI_LANES]; /* of a local source along the ray */
     float slant[SCATTERI_LANES]; /* cosine of ray and way to a directional source */
     int directional;
+    float base[SCATTERI_LANES];                         /* t of the foot */
     float s[SCATTERI_POINTS], inverse[SCATTERI_POINTS]; /* of the points; 1/distance of a local source */
     const float *length; /* of the segments to the source */
     float distance[SCATTERI_POINTS];
@@ -2392,6 +2394,7 @@ SCATTERI_HOT static void scatteri_set_frame(const scatteri_rays *SCATTERI_RESTRI
         const scatter_vec3 to = scatteri_sub(source, o);
         const float t0 = (1.0f - parallel) * scatteri_dot(to, d);
         const scatter_vec3 off = scatteri_sub(to, scatteri_scale(d, t0));
+        const float base = scatteri_min(scatteri_max(t0, rays->t0[l]), rays->t1[l]);
         const float slant = scatteri_dot(d, way);
         const scatter_vec3 drift = scatteri_sub(d, scatteri_scale(way, slant));
         const scatter_vec3 across =
@@ -2400,7 +2403,9 @@ SCATTERI_HOT static void scatteri_set_frame(const scatteri_rays *SCATTERI_RESTRI
                         scatteri_choose(parallel, 0.5f, off.z, drift.z));
         const float square = scatteri_dot(across, across);
         const float inverse = scatteri_choose(1e-36f, square, scatteri_rsqrt(square), 0.0f);
-        sight->fx[l] = o.x + t0 * d.x, sight->fy[l] = o.y + t0 * d.y, sight->fz[l] = o.z + t0 * d.z;
+        sight->fx[l] = o.x + base * d.x;
+        sight->fy[l] = o.y + base * d.y;
+        sight->fz[l] = o.z + base * d.z;
         sight->ax[l] = scatteri_choose(parallel, 0.5f, d.x, way.x);
         sight->ay[l] = scatteri_choose(parallel, 0.5f, d.y, way.y);
         sight->az[l] = scatteri_choose(parallel, 0.5f, d.z, way.z);
@@ -2408,8 +2413,9 @@ SCATTERI_HOT static void scatteri_set_frame(const scatteri_rays *SCATTERI_RESTRI
         sight->ey[l] = across.y * inverse;
         sight->ez[l] = across.z * inverse;
         sight->away[l] = square * inverse;
+        sight->ahead[l] = t0 - base;
         sight->slant[l] = slant;
-        sight->s[l] = t0; /* until the points are set */
+        sight->base[l] = base;
     }
 }
 
@@ -2418,12 +2424,11 @@ SCATTERI_HOT static void scatteri_set_points(int count, const float *SCATTERI_RE
                                              scatteri_sight *SCATTERI_RESTRICT sight)
 {
     const float parallel = (float)sight->directional;
-    float t0[SCATTERI_LANES];
     int first, l;
-    memcpy(t0, sight->s, sizeof t0);
     for (first = 0; first < count; first += SCATTERI_LANES)
         for (l = 0; l < SCATTERI_LANES; l++) {
-            const float s = t[first + l] - t0[l], r2 = s * s + sight->away[l] * sight->away[l];
+            const float s = t[first + l] - sight->base[l], along = sight->ahead[l] - s;
+            const float r2 = along * along + sight->away[l] * sight->away[l];
             const float inverse = scatteri_choose(1e-36f, r2, scatteri_rsqrt(r2), 0.0f);
             sight->s[first + l] = s;
             sight->inverse[first + l] = scatteri_choose(parallel, 0.5f, inverse, 1.0f);
@@ -2451,13 +2456,13 @@ SCATTERI_FN void scatteri_find_foot(const scatteri_shadows *s, int g, const scat
         const scatter_vec3 side = scatteri_v3(sight->ex[l], sight->ey[l], sight->ez[l]);
         const scatter_vec3 p =
             scatteri_sub(center, scatteri_v3(sight->fx[l], sight->fy[l], sight->fz[l]));
-        const float away = sight->away[l];
+        const float away = sight->away[l], ahead = sight->ahead[l];
         scatter_vec3 across, apart;
         const float along = scatteri_split(p, axis, &across);
         const float aside = scatteri_split(across, side, &apart);
-        foot->c0[l] = scatteri_choose(parallel, 0.5f, aside * away, along);
-        foot->c1[l] = scatteri_choose(parallel, 0.5f, -along, -sight->slant[l]);
-        foot->k0[l] = scatteri_choose(parallel, 0.5f, along * away, aside);
+        foot->c0[l] = scatteri_choose(parallel, 0.5f, along * ahead + aside * away, along);
+        foot->c1[l] = scatteri_choose(parallel, 0.5f, -along - ahead, -sight->slant[l]);
+        foot->k0[l] = scatteri_choose(parallel, 0.5f, along * away - aside * ahead, aside);
         foot->k1[l] = scatteri_choose(parallel, 0.5f, aside, 0.0f) - away;
         foot->apart[l] = a * a * scatteri_dot(apart, apart);
     }
@@ -3533,13 +3538,23 @@ typedef struct scatteri_nodes {
 
 /* How a light is seen from the rays: foot of the perpendicular and distance. */
 typedef struct scatteri_map {
-    int local;                 /* else directional or no light: u = t */
+    int local;                 /* else directional, or no light */
+    int bent;                  /* t = t0 + d sinh(u), else u = t: not local, or too far to matter */
     float t0[SCATTERI_LANES];  /* ray parameter closest to the light */
     float d2[SCATTERI_LANES];  /* squared distance there */
-    float d[SCATTERI_LANES];   /* sqrt(d2 + R^2), never 0: t = t0 + d sinh(u) */
+    float d[SCATTERI_LANES];   /* sqrt(d2 + R^2), never 0 */
     float turn;                /* of the medium's lobes */
     float omc[SCATTERI_LANES]; /* 1 - turn cos of the scattering angle of a directional light */
 } scatteri_map;
+
+/* Whether the light of ray l is nearer than 64 times what the ray is long. Beyond that 1/r^2 hardly changes, and
+   t0 + d sinh(u) would lose the digits of t. */
+static int scatteri_is_near(const scatteri_rays *rays, const scatteri_map *map, int l)
+{
+    const float length = 64.0f * (rays->t1[l] - rays->t0[l]);
+    const float beyond = map->t0[l] - scatteri_clamp(map->t0[l], rays->t0[l], rays->t1[l]);
+    return scatteri_max(map->d[l], scatteri_abs(beyond)) < length;
+}
 
 SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const scatteri_light *light,
                                             float turn, scatteri_map *map)
@@ -3549,6 +3564,7 @@ SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const sca
     const float r = light->desc.radius;
     int l;
     map->local = !light->source.directional;
+    map->bent = 0;
     map->turn = turn;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const scatter_vec3 u = scatteri_v3(rays->dx[l], rays->dy[l], rays->dz[l]);
@@ -3563,6 +3579,8 @@ SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const sca
             scatteri_max(scatteri_sqrt(d2 + r * r), 1e-6f * scatteri_max(1e-3f, scatteri_abs(t0)));
         map->omc[l] = scatteri_omc(w, scatteri_scale(u, -turn));
     }
+    for (l = 0; l < SCATTERI_LANES && map->local && !map->bent; l++)
+        map->bent = scatteri_is_near(rays, map, l);
 }
 
 /* t and dt/du at u on the way to a local light. */
@@ -3574,12 +3592,12 @@ SCATTERI_FN scatteri_vec2 scatteri_stretch(float t0, float d, float u)
 
 SCATTERI_FN float scatteri_to_u(const scatteri_map *map, int l, float t)
 {
-    return map->local ? scatteri_asinh((t - map->t0[l]) / map->d[l]) : t;
+    return map->bent ? scatteri_asinh((t - map->t0[l]) / map->d[l]) : t;
 }
 
 SCATTERI_FN float scatteri_to_t(const scatteri_map *map, int l, float u)
 {
-    return map->local ? scatteri_stretch(map->t0[l], map->d[l], u).x : u;
+    return map->bent ? scatteri_stretch(map->t0[l], map->d[l], u).x : u;
 }
 
 SCATTERI_HOT static void scatteri_place_points(const scatteri_rays *rays, scatteri_nodes *n)
@@ -4243,7 +4261,7 @@ SCATTERI_HOT static void scatteri_place_bins(const scatteri_map *map, int l, flo
         bins->high[b] = bins->low[b] + width;
         bins->stretch[b] = 1.0f;
     }
-    if (!map->local)
+    if (!map->bent)
         return;
     for (b = 0; b < SCATTERI_BINS; b++) {
         const scatteri_vec2 middle = scatteri_stretch(t0, d, bins->low[b] + 0.5f * width);
@@ -4388,7 +4406,7 @@ static void scatteri_add_lit(scatteri_eye *eye, int l, float ta, float tb)
     int probe, lit = 0, now;
     for (probe = 0; probe < SCATTERI_PROBES; probe++) {
         const float even = ((float)probe + 0.5f) / (float)SCATTERI_PROBES;
-        const float at = eye->pass.map.local ? even : even * even;
+        const float at = eye->pass.map.bent ? even : even * even;
         const float t = scatteri_to_t(&eye->pass.map, l, ua + at * (ub - ua));
         now = scatteri_lit_at(eye, l, t) != 0;
         if (probe == 0) {
@@ -4514,7 +4532,7 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
         panels->cells[0][l] = 0.0f;
         features[l] = eye->features[l] * (panels->ub[0][l] - panels->ua[0][l]);
     }
-    if (!map->local)
+    if (!map->bent)
         return scatteri_most(features);
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float ua = scatteri_asinh((panels->ua[0][l] - map->t0[l]) / map->d[l]);
