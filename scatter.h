@@ -2644,12 +2644,13 @@ static scatteri_rays scatteri_row(const scatter_depth *d, int j, int k)
     int l;
     row.ref = d->box.min;
     for (l = 0; l < SCATTERI_LANES; l++) {
-        row.ox[l] = 0.5f * d->cell.x;
+        row.ox[l] = 0.0f;
         row.oy[l] = ((float)j + 0.5f) * d->cell.y;
         row.oz[l] = ((float)k + 0.5f) * d->cell.z;
-        row.dy[l] = row.dz[l] = row.t0[l] = 0.0f;
+        row.dy[l] = row.dz[l] = 0.0f;
         row.dx[l] = 1.0f;
-        row.t1[l] = (float)(d->nx - 1) * d->cell.x;
+        row.t0[l] = 0.5f * d->cell.x;
+        row.t1[l] = ((float)d->nx - 0.5f) * d->cell.x;
     }
     return row;
 }
@@ -4042,7 +4043,7 @@ SCATTERI_HOT static void scatteri_place_nodes(const scatteri_rule *rule, const s
             scatteri_v2(share * ((float)(first + k) + 0.5f) - 1.0f, share);
         float *t = n->t + k * SCATTERI_LANES, *w = n->weight + k * SCATTERI_LANES;
         scatteri_place_row(ua, ub, cells, node, cell, t, w);
-        if (map->local)
+        if (map->bent)
             scatteri_stretch_row(map, t, w);
         scatteri_multiply_row(cells, w, n->cell + k * SCATTERI_LANES);
     }
@@ -4305,7 +4306,7 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
         scatteri_rate_glow(&eye->pass.map, l, bins);
     if (eye->pass.cut != NULL && eye->pass.cut->depth.method == SCATTER_DEPTH_CLOSED)
         scatteri_rate_shadows(&eye->cast, &eye->rays, l, &eye->pass.cut->source, bins);
-    for (b = 0; b < SCATTERI_BINS && eye->pass.map.local; b++)
+    for (b = 0; b < SCATTERI_BINS && eye->pass.map.bent; b++)
         bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], SCATTERI_PEAK) : 0.0f;
 }
 
@@ -4354,7 +4355,7 @@ static void scatteri_add_piece(scatteri_eye *eye, int l, float ta, float tb)
     int b = 0, end;
     if (!cells && !c->medium.has_analytic &&
         scatteri_max(eye->features[l] * (tb - ta),
-                     eye->pass.map.local ? SCATTERI_PEAK * (ub - ua) : 0.0f) <= SCATTERI_PANEL) {
+                     eye->pass.map.bent ? SCATTERI_PEAK * (ub - ua) : 0.0f) <= SCATTERI_PANEL) {
         scatteri_add_panel(eye, l, ua, ub, 0);
         return;
     }
