@@ -3543,7 +3543,8 @@ typedef struct scatteri_map {
     int bent;                  /* t = t0 + d sinh(u), else u = t: not local, or too far to matter */
     float t0[SCATTERI_LANES];  /* ray parameter closest to the light */
     float d2[SCATTERI_LANES];  /* squared distance there */
-    float d[SCATTERI_LANES];   /* sqrt(d2 + R^2), never 0 */
+    float d[SCATTERI_LANES];   /* sqrt(d2 + R^2), never 0; at most a tenth of the ray counts as R, since the depth to the
+                                  light has its tip at its centre */
     float turn;                /* of the medium's lobes */
     float omc[SCATTERI_LANES]; /* 1 - turn cos of the scattering angle of a directional light */
 } scatteri_map;
@@ -3562,7 +3563,6 @@ SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const sca
 {
     const scatter_vec3 s = scatteri_sub(light->desc.position, rays->ref),
                        w = light->desc.direction;
-    const float r = light->desc.radius;
     int l;
     map->local = !light->source.directional;
     map->bent = 0;
@@ -3574,6 +3574,7 @@ SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const sca
         const float t0 = scatteri_dot(to, u);
         const scatter_vec3 off = scatteri_sub(to, scatteri_scale(u, t0));
         const float d2 = scatteri_dot(off, off);
+        const float r = scatteri_min(light->desc.radius, 0.1f * (rays->t1[l] - rays->t0[l]));
         map->t0[l] = t0;
         map->d2[l] = d2;
         map->d[l] =
@@ -3762,7 +3763,7 @@ static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth
    list of panels; then panel p of all 16 rays is evaluated at once. */
 
 /* Widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel. */
-#define SCATTERI_PANEL 11.0f
+#define SCATTERI_PANEL 10.0f
 /* Features of a light's own peak in a unit of u: measured beside lamps in dense media. */
 #define SCATTERI_PEAK 2.0f
 /* Distances of a light from a ray up to which its glow is followed on both sides: 5/6 of the light in even fog. */
@@ -5696,14 +5697,18 @@ static void scatteri_update_rules(scatter_context *c)
     }
 }
 
-/* Few nodes: e^-6 of a Gaussian is left out, e^-14 from 26 nodes on. What is left out of depth stays below 1e-4 of
+/* How much of the Gaussians' rims is left out, in units of a^2 r^2: the less, the more the rims can weigh beside the core
+   that fills the picture, in media of large extinction and with narrow phase functions.
+   Few nodes: e^-6 of a Gaussian is left out, e^-14 from 26 nodes on. What is left out of depth stays below 1e-4 of
    transmittance, since `reach` holds the Gaussian's own depth but not sigma. */
 static scatteri_trim scatteri_trim_for(const scatter_context *c)
 {
     const float dense = scatteri_log(scatteri_max(c->medium.sigma_most, 1.0f));
+    const float peak = 12.5663706f * scatteri_phase(c->medium.lobes, 0.0f);
+    const float sharp = scatteri_log(scatteri_max(0.4f * peak, 1.0f));
     const float few = scatteri_clamp(13.0f - 0.5f * (float)c->quality.nodes, 0.0f, 8.0f);
     scatteri_trim trim;
-    trim.rays = c->quality.ray == SCATTER_RAY_QUADRATURE ? scatteri_max(few - dense, 0.0f) : 0.0f;
+    trim.rays = c->quality.ray == SCATTER_RAY_QUADRATURE ? scatteri_max(few - dense - sharp, 0.0f) : 0.0f;
     trim.depth = scatteri_max(trim.rays - 4.5f, 0.0f);
     return trim;
 }
