@@ -3682,13 +3682,11 @@ typedef struct scatteri_nodes {
 
 /* How a light is seen from the rays: foot of the perpendicular and distance. */
 typedef struct scatteri_map {
-    int local;                /* else directional, or no light */
-    int bent;                 /* t = t0 + d sinh(u), else u = t: not local, or too far to matter */
-    float t0[SCATTERI_LANES]; /* ray parameter closest to the light */
-    float d2[SCATTERI_LANES]; /* squared distance there */
-    float d
-        [SCATTERI_LANES]; /* sqrt(d2 + R^2), never 0; at most a tenth of the ray counts as R, since the depth to the
-                                  light has its tip at its centre */
+    int local;                 /* else directional, or no light */
+    int bent;                  /* t = t0 + d sinh(u), else u = t: not local, or too far to matter */
+    float t0[SCATTERI_LANES];  /* ray parameter closest to the light */
+    float d2[SCATTERI_LANES];  /* squared distance there */
+    float d[SCATTERI_LANES];   /* sqrt(d2 + R^2), R limited, never 0 */
     float turn;                /* of the medium's lobes */
     float omc[SCATTERI_LANES]; /* 1 - turn cos of the scattering angle of a directional light */
 } scatteri_map;
@@ -3717,7 +3715,9 @@ SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const sca
         const float t0 = scatteri_dot(to, u);
         const scatter_vec3 off = scatteri_sub(to, scatteri_scale(u, t0));
         const float d2 = scatteri_dot(off, off);
-        const float r = scatteri_min(light->desc.radius, 0.1f * (rays->t1[l] - rays->t0[l]));
+        /* shadows and angles change fast near a lamp, however large it is */
+        const float r =
+            scatteri_min(light->desc.radius, 0.0625f * (rays->t1[l] - rays->t0[l]));
         map->t0[l] = t0;
         map->d2[l] = d2;
         map->d[l] =
