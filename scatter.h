@@ -461,6 +461,7 @@ enum {
 #define SCATTERI_HORIZON 1e6f /* m: beyond this, unbounded media are cut off */
 #define SCATTERI_QUICK 32.0f  /* sigma_t times half a Gaussian's depth up to which its erf may be off by 4e-7 */
 #define SCATTERI_VOXELS 16.0f /* voxels to a panel of `nodes` nodes */
+#define SCATTERI_NARROW 0.9f  /* g from which on a ray is never one panel, see scatteri_one_panel */
 #define SCATTERI_OPAQUE 18.0f /* sigma_t tau at which the rest of a ray is dropped: T = 1.5e-8 */
 
 /* ------------------------------------------------------------------------------------ >>prelude */
@@ -4497,7 +4498,7 @@ static void scatteri_add_piece(scatteri_eye *eye, int l, float ta, float tb)
                 ub = scatteri_to_u(&eye->pass.map, l, tb);
     scatteri_bins bins;
     int b = 0, end;
-    if (!cells && !c->medium.has_analytic &&
+    if (!cells && !c->medium.has_analytic && !(c->medium.lobes.g1 > SCATTERI_NARROW) &&
         scatteri_max(eye->features[l] * (tb - ta),
                      eye->pass.map.bent ? SCATTERI_PEAK * (ub - ua) : 0.0f) <= SCATTERI_PANEL) {
         scatteri_add_panel(eye, l, ua, ub, 0);
@@ -4659,7 +4660,8 @@ static void scatteri_cut_ray(scatteri_eye *eye, int l)
     }
 }
 
-/* Puts each ray into one panel, if nothing cuts them; returns the most features on one, or SCATTERI_FAR. */
+/* Puts each ray into one panel, if nothing cuts them; returns the most features on one, or SCATTERI_FAR. A narrow lobe
+   sends most from the far end of a ray that passes a lamp, where one panel's nodes are widest apart: bins see that. */
 SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
@@ -4668,7 +4670,7 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
     const scatteri_map *map = &eye->pass.map;
     float features[SCATTERI_LANES];
     int l;
-    if (c->medium.has_analytic || eye->samples > 0 ||
+    if (c->medium.has_analytic || eye->samples > 0 || c->medium.lobes.g1 > SCATTERI_NARROW ||
         (light != NULL && (light->desc.kind == SCATTER_LIGHT_SPOT || c->scene.visible != NULL)))
         return SCATTERI_FAR;
     for (l = 0; l < SCATTERI_LANES; l++) {
