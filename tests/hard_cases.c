@@ -36,34 +36,25 @@ enum { WIDE = 24, HIGH = 16, PIXELS = WIDE * HIGH, FLOATS = 3 * PIXELS };
 
 static int broken; /* rows above their bound since the last call of rows_hold */
 
-/* The row of one case: printed, and remembered if it is above its bound or not a number. */
+/* NaN is above every bound. */
+static int exceeds(double measured, double bound) { return !(measured <= bound); }
+
+/* The row of one case: printed, and remembered if it is above its bound. */
 static void hard_row(const char *name, const char *risk, double bound, double measured) {
     printf("row | %s | %s | %.2g | %.2g |\n", name, risk, bound, measured);
-    broken += !(measured <= bound);
+    broken += exceeds(measured, bound);
 }
 
 /* The same check on something wrong, which must be above the bound. */
 static void hard_fault(const char *name, double bound, double measured) {
-    int caught = !(measured <= bound);
     printf("planted: %s: %.2g against %.2g\n", name, measured, bound);
-    assert_true(caught);
+    assert_true(exceeds(measured, bound));
 }
 
 static void rows_hold(void) {
     int n = broken;
     broken = 0;
     assert_int_equal(n, 0);
-}
-
-/* A row that is too large, or NaN, counts; a good one does not. */
-static void test_rows_can_fail(void **state) {
-    (void)state;
-    printf("planted: the next row fails, as it must\n");
-    broken += !(1.1 <= 1.0);
-    assert_int_equal(broken, 1);
-    broken += !((double)NAN <= 1.0);
-    assert_int_equal(broken, 2);
-    broken = 0;
 }
 
 /* ------------------------------------------------------ >>scenes */
@@ -191,17 +182,40 @@ static void promise_rows(const char *name, const char *risk, const check_world *
     hard_row(label, risk, PROMISE_64, error_against(truth, w, view, nodes(64)));
 }
 
-/* Pixels that are not numbers >= 0. */
-static int bad_pixels(const check_world *w, scatter_view view, scatter_quality q) {
-    static float rgb[FLOATS];
+/* Values that are not finite and >= 0. */
+static int count_bad(const float *rgb) {
     int i, bad = 0;
-    shoot(&w->scene, view, q, rgb);
     for (i = 0; i < FLOATS; i++)
         bad += !(isfinite(rgb[i]) && rgb[i] >= 0);
     return bad;
 }
 
+static int bad_pixels(const check_world *w, scatter_view view, scatter_quality q) {
+    static float rgb[FLOATS];
+    shoot(&w->scene, view, q, rgb);
+    return count_bad(rgb);
+}
+
 /* ------------------------------------- >>planted faults of pictures */
+
+static void test_measures_can_fail(void **state) {
+    static float good[FLOATS], bad[FLOATS];
+    int i;
+    (void)state;
+    for (i = 0; i < FLOATS; i++)
+        good[i] = bad[i] = 1;
+    assert_false(exceeds(1, 1));
+    assert_true(exceeds(1.01, 1) && exceeds((double)NAN, 1));
+    assert_true(image_error(good, bad) == 0 && count_bad(good) == 0);
+    bad[7] = -1e-30f;
+    assert_int_equal(count_bad(bad), 1);
+    bad[8] = INFINITY;
+    assert_int_equal(count_bad(bad), 2);
+    assert_true(exceeds(image_error(bad, good), 1e30));
+    bad[8] = NAN;
+    assert_int_equal(count_bad(bad), 2);
+    assert_true(exceeds(image_error(bad, good), 1e30) && exceeds(image_error(good, bad), 1e30));
+}
 
 static void fault_light(check_world *w) { w->lights[0].intensity.y *= 1.01f; }
 static void fault_place(check_world *w) { w->lights[0].position.x += 0.001f; }
@@ -535,6 +549,44 @@ static void test_narrow_gaussian(void **state) {
     rows_hold();
 }
 
+/* Among the puffs, seen so near that it fills the picture. */
+static double narrow_error(float a, int n) {
+    scatter_vec3 b = {0.5f, 0.52f, 0.47f};
+    check_world w;
+    open_puffs(&w);
+    check_add_gaussian(&w, b, a, a);
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    return error_of(&w, beam(b, check_v3(0.1f, 0.2f, 0.97f), 2, 12 / a), nodes(n));
+}
+
+/* What the picture is worth if it is not seen at all. */
+static double narrow_missed(float a) {
+    static float truth[FLOATS];
+    scatter_vec3 b = {0.5f, 0.52f, 0.47f};
+    scatter_view view = beam(b, check_v3(0.1f, 0.2f, 0.97f), 2, 12 / a);
+    check_world w;
+    open_puffs(&w);
+    add_lamp(&w, 0.5f, 0.9f, 0.3f);
+    check_add_gaussian(&w, b, a, a);
+    see_truth(&w.scene, view, truth);
+    w.scene.medium.gaussian_count--;
+    return error_against(truth, &w, view, nodes(64));
+}
+
+static void test_narrow_among_wide(void **state) {
+    (void)state;
+    hard_row("Gaussian 1000 times narrower than the ray, among wide ones, 16 nodes",
+             "no node meets it", PROMISE_16, narrow_error(500, 16));
+    hard_row("Gaussian 1000 times narrower than the ray, among wide ones, 64 nodes",
+             "no node meets it", PROMISE_64, narrow_error(500, 64));
+    /* README.md: resolved up to about a thousand times narrower than the ray; beyond that at least
+       no worse than if it were not there: no sparks */
+    hard_row("Gaussian 1000 times narrower than a cell, among wide ones, 16 nodes",
+             "a node that meets it counts for its whole neighbourhood: sparks", narrow_missed(64000),
+             narrow_error(64000, 16));
+    rows_hold();
+}
+
 /* Injection samples at cell centres: on a centre the narrow Gaussian counts whole, else not. */
 static void test_narrow_injected(void **state) {
     static float values[64 * 64 * 64];
@@ -670,6 +722,7 @@ static double offset_error(float at, scatter_quality q, int voxels) {
 static void test_offset(void **state) {
     static const float places[] = {1e5f, 1e6f};
     static check_world near, far;
+    scatter_quality injected;
     char name[80];
     int i;
     (void)state;
@@ -684,6 +737,10 @@ static void test_offset(void **state) {
         snprintf(name, sizeof name, "scene with closed volumes moved by %.0e m", (double)places[i]);
         hard_row(name, "cell centres are not floats there", 1e-3,
                  offset_error(places[i], volumes(SCATTER_DEPTH_CLOSED_VOLUME, 32), 1));
+        snprintf(name, sizeof name, "scene with injected density moved by %.0e m", (double)places[i]);
+        injected = volumes(SCATTER_DEPTH_CLOSED, 32);
+        injected.density = SCATTER_DENSITY_VOLUME;
+        hard_row(name, "the same", 1e-3, offset_error(places[i], injected, 1));
     }
     open_town(&near, 0);
     open_town(&far, 1e6f);
@@ -1406,6 +1463,59 @@ static void test_flicker(void **state) {
     rows_hold();
 }
 
+/* Error that a volume of n^3 cells of the unit cube adds to the picture of puffs that a narrow one,
+   1/80 m, throws a shadow through. */
+static double volume_error(scatter_depth_method method, int n) {
+    static float exact[FLOATS];
+    check_world w;
+    open_puffs(&w);
+    check_add_gaussian(&w, check_v3(0.47f, 0.71f, 0.33f), 80, 200);
+    check_bound(&w, check_cube(0, 1));
+    add_lamp(&w, 0.5f, 1.5f, 0.3f);
+    shoot(&w.scene, front_view(), nodes(64), exact);
+    return error_against(exact, &w, front_view(), volumes(method, n));
+}
+
+/* Cells ten times the smallest feature: an error estimate must flag them. */
+static void test_coarse_cells(void **state) {
+    double coarse = volume_error(SCATTER_DEPTH_CLOSED_VOLUME, 8);
+    double fine = volume_error(SCATTER_DEPTH_CLOSED_VOLUME, 160);
+    (void)state;
+    /* second order: what 160 cells lose, 8 cells lose (160/8)^2 times, or less where it saturates */
+    hard_row("cells ten times the smallest feature, closed volume", "its shadow falls between cells",
+             fine * 20 * 20, coarse);
+    hard_fault("8 cells are not what 16 nodes promise", PROMISE_16, coarse);
+    coarse = volume_error(SCATTER_DEPTH_POLAR, 8);
+    fine = volume_error(SCATTER_DEPTH_POLAR, 160);
+    hard_row("cells ten times the smallest feature, polar volume", "its shadow falls between columns",
+             fine * 20 * 20, coarse);
+    hard_fault("8 cells are not what 16 nodes promise", PROMISE_16, coarse);
+    rows_hold();
+}
+
+/* A local light in every awkward place of its depth volumes. */
+static void test_volume_places(void **state) {
+    static const char *names[] = {"outside", "on a face", "on an edge", "in a corner"};
+    static const scatter_vec3 places[] = {{2, 1.5f, -0.5f}, {0.5f, 1, 0.25f}, {0, 1, 0.25f},
+                                          {1, 1, 1}};
+    check_world w;
+    char label[100];
+    int i;
+    (void)state;
+    for (i = 0; i < 4; i++) {
+        open_puffs(&w);
+        check_bound(&w, check_cube(0, 1));
+        add_lamp(&w, places[i].x, places[i].y, places[i].z);
+        snprintf(label, sizeof label, "closed volume 64^3, light %s", names[i]);
+        hard_row(label, "tau/r where r is 0, cells behind the light", 3e-3, /* docs/accuracy.md */
+                 error_of(&w, front_view(), volumes(SCATTER_DEPTH_CLOSED_VOLUME, 64)));
+        snprintf(label, sizeof label, "polar volume 64^3, light %s", names[i]);
+        hard_row(label, "the cone that holds the bounds degenerates", 1e-2, /* README.md */
+                 error_of(&w, front_view(), volumes(SCATTER_DEPTH_POLAR, 64)));
+    }
+    rows_hold();
+}
+
 /* ----------------------------------------- >>energy and symmetry */
 
 /* The integral of a picture over its plane, red, of height `size` and as wide as that. */
@@ -1531,7 +1641,7 @@ static void test_reciprocity(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rows_can_fail),
+        cmocka_unit_test(test_measures_can_fail),
         cmocka_unit_test(test_pictures_can_fail),
         cmocka_unit_test(test_light_near_ray),
         cmocka_unit_test(test_light_near_surface),
@@ -1547,6 +1657,7 @@ int main(void) {
         cmocka_unit_test(test_large_amplitude),
         cmocka_unit_test(test_overlapping),
         cmocka_unit_test(test_narrow_gaussian),
+        cmocka_unit_test(test_narrow_among_wide),
         cmocka_unit_test(test_narrow_injected),
         cmocka_unit_test(test_albedo),
         cmocka_unit_test(test_phase_value),
@@ -1568,6 +1679,8 @@ int main(void) {
         cmocka_unit_test(test_half),
         cmocka_unit_test(test_half_depth),
         cmocka_unit_test(test_flicker),
+        cmocka_unit_test(test_coarse_cells),
+        cmocka_unit_test(test_volume_places),
         cmocka_unit_test(test_energy),
         cmocka_unit_test(test_reciprocity),
     };
