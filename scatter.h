@@ -1811,8 +1811,8 @@ static float scatteri_cell_center(float low, float cell, int i)
 /* First and one past the last cell whose centre is within r of x on one axis. */
 static void scatteri_overlap(float x, float r, float low, float cell, int n, int *first, int *end)
 {
-    const float a = scatteri_clamp((x - r - low) / cell - 0.5f, 0.0f, (float)n);
-    const float b = scatteri_clamp((x + r - low) / cell + 0.5f, 0.0f, (float)n);
+    const float a = scatteri_clamp((x - low - r) / cell - 0.5f, 0.0f, (float)n);
+    const float b = scatteri_clamp((x - low + r) / cell + 0.5f, 0.0f, (float)n);
     *first = (int)ceil((double)a);
     *end = (int)ceil((double)b);
 }
@@ -1834,13 +1834,13 @@ SCATTERI_HOT static void scatteri_splat(const scatteri_injection *job, scatter_g
         const int count = i1 - start < SCATTERI_ROW ? i1 - start : SCATTERI_ROW;
         for (i = 0; i < count; i++) {
             const float dx =
-                scatteri_cell_center(v->box.min.x, job->cell.x, start + i) - g.center.x;
+                scatteri_cell_center(v->box.min.x - g.center.x, job->cell.x, start + i);
             factor[i] = scatteri_exp(-a2 * dx * dx);
         }
         for (k = k0; k < k1; k++)
             for (j = j0; j < j1; j++) {
-                const float dy = scatteri_cell_center(v->box.min.y, job->cell.y, j) - g.center.y;
-                const float dz = scatteri_cell_center(v->box.min.z, job->cell.z, k) - g.center.z;
+                const float dy = scatteri_cell_center(v->box.min.y - g.center.y, job->cell.y, j);
+                const float dz = scatteri_cell_center(v->box.min.z - g.center.z, job->cell.z, k);
                 const float yz = g.c * scatteri_exp(-a2 * (dy * dy + dz * dz));
                 float *row =
                     v->values + ((size_t)k * (size_t)v->ny + (size_t)j) * (size_t)v->nx + start;
@@ -1850,36 +1850,38 @@ SCATTERI_HOT static void scatteri_splat(const scatteri_injection *job, scatter_g
     }
 }
 
+/* Centre of a cell, relative to the corner of the volume: far from 0 it is no float. */
+static scatter_vec3 scatteri_cell_of(const scatteri_injection *job, int i, int j, int k)
+{
+    return scatteri_v3(scatteri_cell_center(0.0f, job->cell.x, i),
+                       scatteri_cell_center(0.0f, job->cell.y, j),
+                       scatteri_cell_center(0.0f, job->cell.z, k));
+}
+
 /* Everything but the Gaussians. */
 static void scatteri_inject_row(const scatteri_injection *job, int j, int k, float *row)
 {
     const scatter_volume *v = &job->volume;
-    scatter_vec3 x;
+    const float y = scatteri_cell_center(v->box.min.y, job->cell.y, j);
     size_t term;
     int i;
-    x.y = scatteri_cell_center(v->box.min.y, job->cell.y, j);
-    x.z = scatteri_cell_center(v->box.min.z, job->cell.z, k);
     for (i = 0; i < v->nx; i++)
-        row[i] = job->analytic ? scatteri_analytic_density(job->medium, x.y) : 0.0f;
+        row[i] = job->analytic ? scatteri_analytic_density(job->medium, y) : 0.0f;
     for (term = 0; term < job->medium->grid_count; term++) {
-        const scatteri_field field = scatteri_field_of(&job->medium->grids[term]);
-        for (i = 0; i < v->nx; i++) {
-            x.x = scatteri_cell_center(v->box.min.x, job->cell.x, i);
-            row[i] += scatteri_field_at(&field, x);
-        }
+        scatteri_field field = scatteri_field_of(&job->medium->grids[term]);
+        field.grid.box = scatteri_box_from(field.grid.box, v->box.min);
+        for (i = 0; i < v->nx; i++)
+            row[i] += scatteri_field_at(&field, scatteri_cell_of(job, i, j, k));
     }
 }
 
 static void scatteri_empty_outside(const scatteri_injection *job, int j, int k, float *row)
 {
     const scatter_volume *v = &job->volume;
+    const scatter_box bounds = scatteri_box_from(job->medium->bounds, v->box.min);
     int i;
-    for (i = 0; i < v->nx; i++) {
-        const scatter_vec3 x = {scatteri_cell_center(v->box.min.x, job->cell.x, i),
-                                scatteri_cell_center(v->box.min.y, job->cell.y, j),
-                                scatteri_cell_center(v->box.min.z, job->cell.z, k)};
-        row[i] = scatteri_inside(job->medium->bounds, x) ? row[i] : 0.0f;
-    }
+    for (i = 0; i < v->nx; i++)
+        row[i] = scatteri_inside(bounds, scatteri_cell_of(job, i, j, k)) ? row[i] : 0.0f;
 }
 
 static void scatteri_inject_slab(void *data, int slab)
