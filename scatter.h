@@ -3077,13 +3077,13 @@ static void scatteri_sum_fields(const scatter_depth *d, const scatteri_rays *ray
     }
 }
 
-/* The columns' stretches inside the bounds; what lies outside counts as the ends of that. A column that leaves the
-   bounds at once, from a source on a face, goes on outside: what is read near the face lies between it and one that
-   goes along the face. */
-static void scatteri_cut_columns(const scatter_medium *medium, const scatter_source *source,
-                                 scatteri_rays *rays)
+/* The columns' stretches inside the bounds; what lies outside counts as the ends of that. A column that misses the
+   bounds, from a source as good as on their face, goes on outside: what is read near the face lies between it and one
+   that goes along the face. */
+static void scatteri_cut_columns(const scatter_depth *d, scatteri_rays *rays)
 {
-    const int leaves = !source->directional && scatteri_inside(medium->bounds, source->position);
+    const scatter_medium *medium = &d->medium->desc;
+    const int touches = !d->source.directional && d->low_r <= 0.1f * d->step_r;
     int l;
     if (!medium->bounded)
         return;
@@ -3092,7 +3092,7 @@ static void scatteri_cut_columns(const scatter_medium *medium, const scatter_sou
         float t0 = rays->t0[l], t1 = rays->t1[l];
         const int some = scatteri_bounded(medium, o, scatteri_ray_direction(rays, l), &t0, &t1);
         rays->t0[l] = some ? t0 : rays->t0[l];
-        rays->t1[l] = some ? t1 : leaves ? rays->t1[l] : rays->t0[l];
+        rays->t1[l] = some ? t1 : touches ? rays->t1[l] : rays->t0[l];
     }
 }
 
@@ -3281,7 +3281,7 @@ static void scatteri_fill_columns(const scatter_depth *d, int i, int j, scatteri
     scatteri_slabs slabs;
     int first, k, l;
     scatteri_columns(d, i, j, &w->rays);
-    scatteri_cut_columns(&d->medium->desc, &d->source, &w->rays);
+    scatteri_cut_columns(d, &w->rays);
     slabs = scatteri_slabs_of_rays(&w->rays);
     w->page.trim.rays = w->page.trim.depth = 0.0f;
     scatteri_gather(&d->medium->gaussians, &w->rays, &slabs, 0, &w->page);
