@@ -206,7 +206,7 @@ typedef struct scatter_light {
    of the angle to the mirror direction. */
 typedef struct scatter_surface {
     float distance; /* along the unit direction of the ray, m, >= 0 */
-    scatter_vec3 normal; /* unit length, towards the eye */
+    scatter_vec3 normal; /* towards the eye; any length but 0 */
     scatter_vec3 albedo;
     scatter_vec3 specular; /* 0: Lambert only */
     float shininess;       /* >= 0 */
@@ -4936,6 +4936,15 @@ static void scatteri_look(scatteri_eye *eye, scatter_sample *samples)
 
 /* --- surfaces --- */
 
+/* Unit vector of a vector of any length but 0. */
+static scatter_vec3 scatteri_unit(scatter_vec3 v)
+{
+    const float most =
+        scatteri_max(scatteri_abs(v.x), scatteri_max(scatteri_abs(v.y), scatteri_abs(v.z)));
+    /* divided, not scaled: 1/most of a denormal is infinite */
+    return most > 0.0f ? scatteri_normalize(scatteri_v3(v.x / most, v.y / most, v.z / most)) : v;
+}
+
 /* Irradiance factor of a light at x on a plane square to its direction, before visibility and depth; *to: unit. */
 static float scatteri_fall(const scatteri_light *light, scatter_vec3 x, scatter_vec3 *to)
 {
@@ -4972,18 +4981,20 @@ static scatter_vec3 scatteri_brdf(const scatter_surface *s, scatter_vec3 ray, sc
 }
 
 /* Radiance that the surface point sends back along the ray, lit through the medium. */
-static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surface *s,
+static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surface *hit,
                                    scatter_vec3 origin, scatter_vec3 ray)
 {
-    const scatter_vec3 x = scatteri_along(origin, ray, s->distance);
+    const scatter_vec3 x = scatteri_along(origin, ray, hit->distance);
     scatter_vec3 sum = {0.0f, 0.0f, 0.0f};
+    scatter_surface s = *hit;
     int i;
+    s.normal = scatteri_unit(hit->normal);
     for (i = 0; i < c->light_count; i++) {
         const scatteri_light *light = &c->lights[i];
         scatter_vec3 to, value;
         const float fall = scatteri_fall(light, x, &to);
         value =
-            scatteri_scale(scatteri_mul(scatteri_brdf(s, ray, to), light->desc.intensity), fall);
+            scatteri_scale(scatteri_mul(scatteri_brdf(&s, ray, to), light->desc.intensity), fall);
         if (!(value.x > 0.0f || value.y > 0.0f || value.z > 0.0f) || !scatteri_lit(c, light, x))
             continue;
         sum = scatteri_add(
@@ -5004,15 +5015,6 @@ typedef struct scatteri_picture {
     int tile_x, tile_y; /* corner of the first tile */
     int across;         /* tiles in a row */
 } scatteri_picture;
-
-/* Unit vector of a vector of any length but 0. */
-static scatter_vec3 scatteri_unit(scatter_vec3 v)
-{
-    const float most =
-        scatteri_max(scatteri_abs(v.x), scatteri_max(scatteri_abs(v.y), scatteri_abs(v.z)));
-    /* divided, not scaled: 1/most of a denormal is infinite */
-    return most > 0.0f ? scatteri_normalize(scatteri_v3(v.x / most, v.y / most, v.z / most)) : v;
-}
 
 /* Ray number l of a packet; `end`: where a surface ends it. */
 static void scatteri_set_ray(scatteri_rays *rays, int l, scatter_vec3 origin,
@@ -5996,12 +5998,8 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
                          hit != NULL ? hit->distance : SCATTERI_FAR);
     scatteri_look(&eye, samples);
     *sample = samples[0];
-    sample->surface = c->scene.background;
-    if (hit != NULL) {
-        found = *hit;
-        found.normal = scatteri_unit(hit->normal);
-        sample->surface = scatteri_shade(c, &found, ray->origin, direction);
-    }
+    sample->surface =
+        hit != NULL ? scatteri_shade(c, hit, ray->origin, direction) : c->scene.background;
     return SCATTER_OK;
 }
 

@@ -752,6 +752,109 @@ static void test_bad_values_stay(void **state) {
     assert_true(same > 30);
 }
 
+/* Values of the picture that are not finite, or negative. */
+static int bad_values(const picture *p) {
+    int i, bad = 0;
+    for (i = 0; i < FLOATS; i++)
+        bad += !(isfinite(p->rgb[i]) && p->rgb[i] >= 0) ||
+               !(p->transmittance[i] >= 0 && p->transmittance[i] <= 1);
+    return bad;
+}
+
+/* Worst relative difference of two pictures. */
+static double worst_difference(const picture *a, const picture *b) {
+    check_error e = check_no_error();
+    int i;
+    for (i = 0; i < FLOATS; i++)
+        check_add(&e, a->rgb[i], b->rgb[i]);
+    return e.worst;
+}
+
+static int surface_with_normal(void *user, scatter_vec3 o, scatter_vec3 d, scatter_surface *hit) {
+    good_surface(NULL, o, d, hit);
+    hit->normal = *(const scatter_vec3 *)user;
+    return 1;
+}
+
+static void shoot_normal(scatter_vec3 normal, picture *p) {
+    static check_world w;
+    scatter_quality q = stored_quality();
+    open_smooth(&w);
+    w.scene.surface = surface_with_normal;
+    w.scene.user = &normal;
+    shoot_fresh(&w, &q, p);
+}
+
+/* A normal of any length but 0 is as good as one of length 1, from denormal to almost infinite. */
+static void test_normals_of_any_length(void **state) {
+    static const float lengths[] = {0x1p-135f, 0x1p-40f, 0x1p60f, 0x1p127f};
+    static picture unit, p;
+    size_t i;
+    (void)state;
+    shoot_normal(check_v3(0, 0.5f, -1), &unit);
+    assert_int_equal(bad_values(&unit), 0);
+    for (i = 0; i < CHECK_COUNT(lengths); i++) {
+        shoot_normal(check_v3(0, 0.5f * lengths[i], -lengths[i]), &p);
+        assert_int_equal(bad_values(&p), 0);
+        assert_at_most(worst_difference(&p, &unit), 1e-6);
+    }
+    shoot_normal(check_v3(0, 0.6f, -1), &p); /* another direction is seen */
+    assert_at_least(worst_difference(&p, &unit), 1e-6);
+    p.rgb[5] = NAN; /* and so is a bad value */
+    assert_int_equal(bad_values(&p), 1);
+}
+
+/* A view whose direction is 0 in the middle of the picture: finite there too, and everywhere. */
+static void test_view_without_direction(void **state) {
+    static check_world w;
+    static picture p;
+    check_host books;
+    scatter_quality q = stored_quality();
+    scatter_view view = front_view();
+    scatter_context *context;
+    (void)state;
+    open_full(&w);
+    context = open_logged(&books, &w, &q);
+    view.direction = check_v3(0.5f, -0.5f, 0); /* 0 at x = y = 1/2, where a pixel has its centre */
+    view.direction_dx = check_v3(-1, 0, 0);
+    view.direction_dy = check_v3(0, 1, 0);
+    open_picture(&p)->width = WIDTH - 1; /* an odd number of columns and rows; the rest stays 0 */
+    memset(p.rgb, 0, sizeof p.rgb);
+    memset(p.transmittance, 0, sizeof p.transmittance);
+    assert_int_equal(scatter_render(context, &view, &p.image), SCATTER_OK);
+    assert_int_equal(bad_values(&p), 0);
+    assert_true(p.transmittance[3 * ((HEIGHT / 2) * (WIDTH - 1) + (WIDTH - 1) / 2)] > 0);
+    scatter_destroy(context);
+}
+
+/* Directions of denormal length are directions, in rays and in views. */
+static void test_denormal_directions(void **state) {
+    static check_world w;
+    static picture p;
+    check_host books;
+    scatter_quality q = stored_quality();
+    scatter_view view = front_view();
+    scatter_ray plain = {{0.5f, 0.6f, -2.5f}, {0, 0.25f, 1}};
+    scatter_ray denormal = {{0.5f, 0.6f, -2.5f}, {0, 0x1p-142f, 0x1p-140f}};
+    scatter_ray least = {{0.5f, 0.6f, -2.5f}, {0, 0, 0x1p-149f}};
+    scatter_sample a, b;
+    scatter_context *context;
+    (void)state;
+    open_full(&w);
+    context = open_logged(&books, &w, &q);
+    assert_int_equal(scatter_radiance(context, &plain, NULL, &a), SCATTER_OK);
+    assert_int_equal(scatter_radiance(context, &denormal, NULL, &b), SCATTER_OK);
+    assert_true(memcmp(&a, &b, sizeof a) == 0); /* powers of two are the same direction */
+    assert_int_equal(scatter_radiance(context, &least, NULL, &b), SCATTER_OK);
+    assert_true(isfinite(b.radiance.x) && b.radiance.x > 0 && memcmp(&a, &b, sizeof a) != 0);
+    view.direction = check_v3(0, 0, 0x1p-149f);
+    view.direction_dx = check_v3(0x1p-149f, 0, 0);
+    view.direction_dy = check_v3(0, -0x1p-149f, 0);
+    assert_int_equal(scatter_render(context, &view, open_picture(&p)), SCATTER_OK);
+    assert_int_equal(bad_values(&p), 0);
+    scatter_destroy(context);
+}
+
 /* ------------------------------------------------------ >>memory */
 
 /* With `scene` taken over, the n-th allocation fails; then, with memory, everything works as if it
@@ -1529,6 +1632,9 @@ int main(void) {
         cmocka_unit_test(test_render_before_update),
         cmocka_unit_test(test_extreme_numbers),
         cmocka_unit_test(test_bad_values_stay),
+        cmocka_unit_test(test_normals_of_any_length),
+        cmocka_unit_test(test_view_without_direction),
+        cmocka_unit_test(test_denormal_directions),
         cmocka_unit_test(test_allocation_fails_in_update),
         cmocka_unit_test(test_allocation_fails_in_create),
         cmocka_unit_test(test_allocation_fails_in_depth),
