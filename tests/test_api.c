@@ -804,16 +804,20 @@ static void test_normals_of_any_length(void **state) {
     assert_int_equal(bad_values(&p), 1);
 }
 
-/* A view whose direction is 0 in the middle of the picture: finite there too, and everywhere. */
+/* A view whose direction is 0 in the middle of the picture: that pixel looks along x. */
 static void test_view_without_direction(void **state) {
     static check_world w;
     static picture p;
     check_host books;
     scatter_quality q = stored_quality();
     scatter_view view = front_view();
+    scatter_ray along_x = {{0.5f, 0.6f, -2.5f}, {1, 0, 0}};
+    scatter_sample s;
     scatter_context *context;
+    const float *middle;
     (void)state;
-    open_full(&w);
+    open_smooth(&w);
+    along_x.origin = view.origin = check_v3(0.1f, 0.6f, 0.5f);
     context = open_logged(&books, &w, &q);
     view.direction = check_v3(0.5f, -0.5f, 0); /* 0 at x = y = 1/2, where a pixel has its centre */
     view.direction_dx = check_v3(-1, 0, 0);
@@ -823,17 +827,30 @@ static void test_view_without_direction(void **state) {
     memset(p.transmittance, 0, sizeof p.transmittance);
     assert_int_equal(scatter_render(context, &view, &p.image), SCATTER_OK);
     assert_int_equal(bad_values(&p), 0);
-    assert_true(p.transmittance[3 * ((HEIGHT / 2) * (WIDTH - 1) + (WIDTH - 1) / 2)] > 0);
+    middle = &p.transmittance[3 * ((HEIGHT / 2) * (WIDTH - 1) + (WIDTH - 1) / 2)];
+    assert_int_equal(scatter_radiance(context, &along_x, NULL, &s), SCATTER_OK);
+    assert_at_most(fabs((double)middle[0] / s.transmittance.x - 1), 1e-5);
+    along_x.direction = check_v3(1, 0.1f, 0); /* another direction is seen */
+    assert_int_equal(scatter_radiance(context, &along_x, NULL, &s), SCATTER_OK);
+    assert_at_least(fabs((double)middle[0] / s.transmittance.x - 1), 1e-5);
     scatter_destroy(context);
+}
+
+/* A picture from directions of some length. */
+static void shoot_straight(const scatter_context *context, float length, picture *p) {
+    scatter_view view = front_view();
+    view.direction = check_v3(0, 0, length);
+    view.direction_dx = check_v3(length, 0, 0);
+    view.direction_dy = check_v3(0, -length, 0);
+    assert_int_equal(scatter_render(context, &view, open_picture(p)), SCATTER_OK);
 }
 
 /* Directions of denormal length are directions, in rays and in views. */
 static void test_denormal_directions(void **state) {
     static check_world w;
-    static picture p;
+    static picture p, small;
     check_host books;
     scatter_quality q = stored_quality();
-    scatter_view view = front_view();
     scatter_ray plain = {{0.5f, 0.6f, -2.5f}, {0, 0.25f, 1}};
     scatter_ray denormal = {{0.5f, 0.6f, -2.5f}, {0, 0x1p-142f, 0x1p-140f}};
     scatter_ray least = {{0.5f, 0.6f, -2.5f}, {0, 0, 0x1p-149f}};
@@ -847,11 +864,10 @@ static void test_denormal_directions(void **state) {
     assert_true(memcmp(&a, &b, sizeof a) == 0); /* powers of two are the same direction */
     assert_int_equal(scatter_radiance(context, &least, NULL, &b), SCATTER_OK);
     assert_true(isfinite(b.radiance.x) && b.radiance.x > 0 && memcmp(&a, &b, sizeof a) != 0);
-    view.direction = check_v3(0, 0, 0x1p-149f);
-    view.direction_dx = check_v3(0x1p-149f, 0, 0);
-    view.direction_dy = check_v3(0, -0x1p-149f, 0);
-    assert_int_equal(scatter_render(context, &view, open_picture(&p)), SCATTER_OK);
+    shoot_straight(context, 1, &p);
     assert_int_equal(bad_values(&p), 0);
+    shoot_straight(context, 0x1p-149f, &small);
+    assert_true(same_pictures(&p, &small));
     scatter_destroy(context);
 }
 
