@@ -1006,6 +1006,115 @@ static void test_frames_do_not_allocate(void **state) {
     scatter_destroy(context);
 }
 
+/* ------------------------------------------------------- >>stack */
+
+enum { STACK = 4 << 20, STACK_PROMISED = 140 << 10 }; /* scatter.h: "At most 140 KB of stack" */
+
+static int always_visible(void *user, scatter_vec3 p, scatter_vec3 q) {
+    (void)user, (void)p, (void)q;
+    return 1;
+}
+
+/* What one thread does on a stack of its own. */
+typedef struct stack_job {
+    void (*work)(struct stack_job *);
+    scatter_context *context;
+    const check_world *world;
+    scatter_quality quality;
+    picture picture;
+} stack_job;
+
+static void *run_stack_job(void *data) {
+    stack_job *job = (stack_job *)data;
+    job->work(job);
+    return NULL;
+}
+
+/* Bytes of its stack that the thread has written: from the lowest that is no longer as painted. */
+static size_t stack_of(stack_job *job, void (*work)(stack_job *)) {
+    unsigned char *stack = NULL;
+    pthread_attr_t attributes;
+    pthread_t thread;
+    size_t untouched = 0;
+    void *memory = NULL;
+    assert_int_equal(posix_memalign(&memory, 1 << 16, STACK), 0);
+    stack = (unsigned char *)memory;
+    memset(stack, 0xa5, STACK);
+    job->work = work;
+    assert_int_equal(pthread_attr_init(&attributes), 0);
+    assert_int_equal(pthread_attr_setstack(&attributes, stack, STACK), 0);
+    assert_int_equal(pthread_create(&thread, &attributes, run_stack_job, job), 0);
+    assert_int_equal(pthread_join(thread, NULL), 0);
+    pthread_attr_destroy(&attributes);
+    while (untouched < STACK && stack[untouched] == 0xa5)
+        untouched++;
+    free(memory);
+    return STACK - untouched;
+}
+
+static void stack_nothing(stack_job *job) { (void)job; }
+
+static void stack_update(stack_job *job) {
+    scatter_update(job->context, &job->world->scene, &job->quality);
+}
+
+static void stack_render(stack_job *job) { shoot(job->context, &job->picture); }
+
+static void stack_radiance(stack_job *job) {
+    scatter_ray ray = {{0.5f, 0.6f, -2.5f}, {0.01f, 0, 1}};
+    scatter_sample sample;
+    scatter_radiance(job->context, &ray, NULL, &sample);
+}
+
+static void stack_array(stack_job *job) {
+    volatile unsigned char bytes[STACK_PROMISED + 4096];
+    memset((void *)(uintptr_t)bytes, 1, sizeof bytes);
+    job->quality.grid = bytes[job->quality.grid];
+}
+
+/* Most of the three calls, without what a thread needs that does nothing. */
+static size_t stack_of_calls(stack_job *job, size_t idle) {
+    static void (*const calls[])(stack_job *) = {stack_update, stack_render, stack_radiance};
+    size_t most = 0, i;
+    for (i = 0; i < CHECK_COUNT(calls); i++) {
+        size_t used = stack_of(job, calls[i]) - idle;
+        most = used > most ? used : most;
+    }
+    return most;
+}
+
+/* What scatter.h says of its stack, with every method, and with shadows and surfaces. Sanitizers
+   put other things on the stack. */
+static void test_stack(void **state) {
+    static check_world w;
+    static stack_job job;
+    size_t idle, most = 0;
+    int method;
+    (void)state;
+#ifdef SCATTERI_SANITIZED
+    skip();
+#endif
+    open_full(&w);
+    w.scene.surface = good_surface;
+    w.scene.visible = always_visible;
+    job.world = &w;
+    idle = stack_of(&job, stack_nothing);
+    for (method = SCATTER_DEPTH_AUTO; method <= SCATTER_DEPTH_MARCH; method++) {
+        size_t used;
+        job.quality = stored_quality();
+        job.quality.depth = (scatter_depth_method)method;
+        job.quality.ray = method % 2 ? SCATTER_RAY_MARCH : SCATTER_RAY_QUADRATURE;
+        assert_int_equal(scatter_create(NULL, &job.context), SCATTER_OK);
+        used = stack_of_calls(&job, idle);
+        most = used > most ? used : most;
+        scatter_destroy(job.context);
+    }
+    printf("  stack: %.0f KB\n", (double)most / 1024);
+    assert_at_most((double)most, STACK_PROMISED);
+    assert_at_least((double)most, STACK_PROMISED / 2); /* the calls were made on that stack */
+    assert_at_least((double)(stack_of(&job, stack_array) - idle), STACK_PROMISED);
+}
+
 /* ------------------------------------------------- >>determinism */
 
 static void shoot_with(const check_world *w, const scatter_quality *q, int threads, int reverse,
@@ -1655,6 +1764,7 @@ int main(void) {
         cmocka_unit_test(test_allocation_fails_in_create),
         cmocka_unit_test(test_allocation_fails_in_depth),
         cmocka_unit_test(test_frames_do_not_allocate),
+        cmocka_unit_test(test_stack),
         cmocka_unit_test(test_threads_change_no_bit),
         cmocka_unit_test(test_only_what_changed_is_redone),
         cmocka_unit_test(test_exact_methods_store_nothing),
