@@ -2062,8 +2062,9 @@ SCATTERI_FN void scatteri_add_to_page(const scatteri_gaussians *g, int from,
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float s = a * (rays->t0[l] - m[l]);
         const float q = scale * scatteri_erfcx(scatteri_abs(s)) * scatteri_decay(fade[l] + s * s);
-        before[l] = -q;
-        behind[l] = scatteri_choose(s, 0.0f, 2.0f * scale * scatteri_decay(fade[l]) - q, q);
+        const float whole = 2.0f * scale * scatteri_decay(fade[l]);
+        before[l] = scatteri_choose(s, 0.0f, -q, q - whole); /* t may lie before t0 */
+        behind[l] = scatteri_choose(s, 0.0f, whole - q, q);
     }
     page->a[i] = a;
     page->c[i] = g->c[from];
@@ -3101,6 +3102,7 @@ typedef struct scatteri_shells {
     scatteri_rays rays;
     scatteri_page page;
     float t[SCATTERI_POINTS], depth[SCATTERI_POINTS], density[SCATTERI_POINTS];
+    float whole[SCATTERI_LANES]; /* depth of the page's Gaussians on the rays */
     float last[SCATTERI_LANES], running[SCATTERI_LANES];
 } scatteri_shells;
 
@@ -3242,6 +3244,20 @@ SCATTERI_HOT static void scatteri_place_shells(const scatteri_rays *SCATTERI_RES
         }
 }
 
+/* Before a ray begins there is no depth, behind its end no more than the whole. */
+SCATTERI_HOT static void scatteri_end_shells(const scatteri_rays *SCATTERI_RESTRICT rays,
+                                             const float *SCATTERI_RESTRICT whole, float start,
+                                             float step, int rows, float *SCATTERI_RESTRICT depth)
+{
+    int k, l;
+    for (k = 0; k < rows; k++)
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float r = start + (float)k * step, at = depth[k * SCATTERI_LANES + l];
+            const float begun = scatteri_choose(r, rays->t0[l], 0.0f, at);
+            depth[k * SCATTERI_LANES + l] = scatteri_choose(rays->t1[l], r, whole[l], begun);
+        }
+}
+
 /* Depth at `rows` shells from number `first` on. */
 static void scatteri_fill_shells(const scatter_depth *d, int first, int rows, scatteri_shells *w)
 {
@@ -3250,12 +3266,14 @@ static void scatteri_fill_shells(const scatter_depth *d, int first, int rows, sc
     scatteri_place_shells(&w->rays, start, d->step_r, rows, w->t);
     memset(w->depth, 0, (size_t)rows * SCATTERI_LANES * sizeof(float));
     memset(w->density, 0, (size_t)rows * SCATTERI_LANES * sizeof(float));
-    if (w->page.complete && scatteri_most(w->rays.t0) <= start &&
-        scatteri_least(w->rays.t1) >= start + ((float)rows - 1.001f) * d->step_r)
+    if (w->page.complete) {
         scatteri_fill_even(&w->page, start, d->step_r, rows, w->t, w->density, w->depth);
-    else
+        if (d->medium->desc.bounded)
+            scatteri_end_shells(&w->rays, w->whole, start, d->step_r, rows, w->depth);
+    } else {
         scatteri_add_gaussians(&d->medium->gaussians, &w->rays, &w->page, rows * SCATTERI_LANES,
                                w->t, w->density, w->depth);
+    }
     for (k = 0; k < rows && d->medium->desc.grid_count > 0; k++) {
         const float *here = w->t + k * SCATTERI_LANES;
         scatteri_sum_fields(d, &w->rays, w->last, here, w->running);
@@ -3285,6 +3303,10 @@ static void scatteri_fill_columns(const scatter_depth *d, int i, int j, scatteri
     slabs = scatteri_slabs_of_rays(&w->rays);
     w->page.trim.rays = w->page.trim.depth = 0.0f;
     scatteri_gather(&d->medium->gaussians, &w->rays, &slabs, 0, &w->page);
+    memset(w->whole, 0, sizeof w->whole);
+    if (w->page.complete && d->medium->desc.bounded)
+        scatteri_add_some(&w->page, 0, w->page.count, SCATTERI_LANES, w->rays.t1, w->density,
+                          w->whole);
     memcpy(w->last, w->rays.t0, sizeof w->last);
     memset(w->running, 0, sizeof w->running);
     for (first = 0; first < d->nz; first += SCATTERI_ROWS) {
