@@ -3745,8 +3745,7 @@ SCATTERI_HOT static void scatteri_map_light(const scatteri_rays *rays, const sca
         const scatter_vec3 off = scatteri_sub(to, scatteri_scale(u, t0));
         const float d2 = scatteri_dot(off, off);
         /* shadows and angles change fast near a lamp, however large it is */
-        const float r =
-            scatteri_min(light->desc.radius, 0.0625f * (rays->t1[l] - rays->t0[l]));
+        const float r = scatteri_min(light->desc.radius, 0.0625f * (rays->t1[l] - rays->t0[l]));
         map->t0[l] = t0;
         map->d2[l] = d2;
         map->d[l] =
@@ -4373,37 +4372,61 @@ SCATTERI_HOT static void scatteri_rate_gaussians(const scatteri_page *page, int 
     }
 }
 
+/* Middles of the bins on ray l, relative to the rays' ref, and where the source is seen from them. */
+typedef struct scatteri_marks {
+    float x[SCATTERI_BINS], y[SCATTERI_BINS], z[SCATTERI_BINS];
+    float dx[SCATTERI_BINS], dy[SCATTERI_BINS], dz[SCATTERI_BINS]; /* unit */
+    float inverse[SCATTERI_BINS]; /* 1/distance of the source, 0 if directional */
+    float sine[SCATTERI_BINS];    /* of the angle between ray and source */
+} scatteri_marks;
+
+SCATTERI_HOT static void scatteri_mark_bins(const scatteri_rays *rays, int l,
+                                            const scatter_source *source,
+                                            const scatteri_bins *SCATTERI_RESTRICT bins,
+                                            scatteri_marks *SCATTERI_RESTRICT marks)
+{
+    const scatter_vec3 s = scatteri_sub(source->position, rays->ref), w = source->direction;
+    const scatter_vec3 o = scatteri_ray_origin(rays, l), d = scatteri_ray_direction(rays, l);
+    const float parallel = (float)source->directional;
+    int b;
+    for (b = 0; b < SCATTERI_BINS; b++) {
+        const float t = 0.5f * (bins->low[b] + bins->high[b]);
+        const float x = o.x + t * d.x, y = o.y + t * d.y, z = o.z + t * d.z;
+        const float sx = s.x - x, sy = s.y - y, sz = s.z - z;
+        const float r2 = scatteri_max(sx * sx + sy * sy + sz * sz, 1e-30f),
+                    inverse = scatteri_rsqrt(r2);
+        const float dx = scatteri_choose(0.5f, parallel, -w.x, sx * inverse);
+        const float dy = scatteri_choose(0.5f, parallel, -w.y, sy * inverse);
+        const float dz = scatteri_choose(0.5f, parallel, -w.z, sz * inverse);
+        const float cosine = d.x * dx + d.y * dy + d.z * dz;
+        marks->x[b] = x, marks->y[b] = y, marks->z[b] = z;
+        marks->dx[b] = dx, marks->dy[b] = dy, marks->dz[b] = dz;
+        marks->inverse[b] = scatteri_choose(0.5f, parallel, 0.0f, inverse);
+        marks->sine[b] = scatteri_sqrt(scatteri_max(1.0f - cosine * cosine, 0.0f));
+    }
+}
+
 /* Shadows that Gaussians cast across ray l: their edges are features of the light. h: distance of a centre from the
    segment between the middle of a bin and the source; slope: how fast it changes along the ray. */
 SCATTERI_HOT static void scatteri_rate_shadows(const scatteri_shadows *cast,
-                                               const scatteri_rays *rays, int l,
-                                               const scatter_source *source, scatteri_bins *bins)
+                                               const scatteri_marks *SCATTERI_RESTRICT marks,
+                                               scatteri_bins *SCATTERI_RESTRICT bins)
 {
-    const scatter_vec3 s = scatteri_sub(source->position, rays->ref), w = source->direction;
-    const float sigma = cast->medium->sigma_most, parallel = (float)source->directional;
+    const float sigma = cast->medium->sigma_most;
     int g, b;
     for (g = 0; g < cast->count; g++) {
         const float a = cast->a[g], radius = 3.8f / a, depth = sigma * cast->scale[g];
         const float rate = depth > 1e-3f ? scatteri_rate(a, sigma, cast->scale[g]) : 0.0f;
+        const float x = cast->x[g], y = cast->y[g], z = cast->z[g];
         for (b = 0; b < SCATTERI_BINS; b++) {
-            const float t = 0.5f * (bins->low[b] + bins->high[b]),
-                        half = 0.5f * (bins->high[b] - bins->low[b]);
-            const float x = rays->ox[l] + t * rays->dx[l], y = rays->oy[l] + t * rays->dy[l];
-            const float z = rays->oz[l] + t * rays->dz[l], sx = s.x - x, sy = s.y - y, sz = s.z - z;
-            const float r2 = scatteri_max(sx * sx + sy * sy + sz * sz, 1e-30f),
-                        inverse = scatteri_rsqrt(r2);
-            const float dx = scatteri_choose(0.5f, parallel, -w.x, sx * inverse);
-            const float dy = scatteri_choose(0.5f, parallel, -w.y, sy * inverse);
-            const float dz = scatteri_choose(0.5f, parallel, -w.z, sz * inverse);
-            const float length = scatteri_choose(0.5f, parallel, SCATTERI_FAR, r2 * inverse);
-            const float gx = cast->x[g] - x, gy = cast->y[g] - y, gz = cast->z[g] - z;
-            const float m = gx * dx + gy * dy + gz * dz,
-                        cosine = rays->dx[l] * dx + rays->dy[l] * dy + rays->dz[l] * dz;
-            const float hx = gx - m * dx, hy = gy - m * dy, hz = gz - m * dz;
-            const float slope = scatteri_sqrt(scatteri_max(1.0f - cosine * cosine, 0.0f)) *
-                                scatteri_abs(1.0f - m / length);
-            const float near = radius + slope * half;
-            const int hit = (m > 0.0f) & (m < length) &
+            const float gx = x - marks->x[b], gy = y - marks->y[b], gz = z - marks->z[b];
+            const float m = gx * marks->dx[b] + gy * marks->dy[b] + gz * marks->dz[b];
+            const float hx = gx - m * marks->dx[b], hy = gy - m * marks->dy[b],
+                        hz = gz - m * marks->dz[b];
+            const float part = m * marks->inverse[b]; /* of the way to the source */
+            const float slope = marks->sine[b] * scatteri_abs(1.0f - part);
+            const float near = radius + slope * 0.5f * (bins->high[b] - bins->low[b]);
+            const int hit = (m > 0.0f) & (part < 1.0f) &
                             (hx * hx + hy * hy + hz * hz < near * near) & (bins->rate[b] > 0.0f);
             bins->rate[b] =
                 scatteri_max(bins->rate[b], rate * slope * bins->stretch[b] * (float)hit);
@@ -4411,15 +4434,30 @@ SCATTERI_HOT static void scatteri_rate_shadows(const scatteri_shadows *cast,
     }
 }
 
-static float scatteri_analytic_rate(const scatteri_eye *eye, int l, float t)
+/* Constant and height fog fill all bins: features are e-foldings of light and of density. */
+SCATTERI_HOT static void scatteri_rate_fog(const scatteri_medium *medium, const scatteri_rays *rays,
+                                           int l, scatteri_bins *SCATTERI_RESTRICT bins)
 {
-    const scatter_medium *m = &eye->context->medium.desc;
-    const float y = eye->rays.ref.y + eye->rays.oy[l] + t * eye->rays.dy[l];
-    float rate = eye->context->medium.sigma_most * scatteri_analytic_density(m, y);
+    const float sigma = medium->sigma_most, up = rays->dy[l], constant = medium->desc.constant;
+    const float start = rays->ref.y + rays->oy[l];
+    float density[SCATTERI_BINS], least = 1e-30f;
     size_t i;
-    for (i = 0; i < m->height_count; i++)
-        rate = scatteri_max(rate, scatteri_abs(eye->rays.dy[l]) / m->heights[i].scale);
-    return 0.4f * rate;
+    int b;
+    for (b = 0; b < SCATTERI_BINS; b++)
+        density[b] = constant;
+    for (i = 0; i < medium->desc.height_count; i++) {
+        const scatter_height h = medium->desc.heights[i];
+        const float inverse = 1.0f / h.scale;
+        least = scatteri_max(least, scatteri_abs(up) * inverse);
+        for (b = 0; b < SCATTERI_BINS; b++) {
+            const float y = start + 0.5f * (bins->low[b] + bins->high[b]) * up;
+            density[b] += h.density * scatteri_exp(scatteri_min((h.y0 - y) * inverse, 80.0f));
+        }
+    }
+    for (b = 0; b < SCATTERI_BINS; b++) {
+        const float rate = 0.4f * scatteri_max(sigma * density[b], least);
+        bins->rate[b] = scatteri_max(bins->rate[b], rate * bins->stretch[b]);
+    }
 }
 
 /* Ends and middles of the bins. */
@@ -4465,20 +4503,19 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
     scatteri_place_bins(&eye->pass.map, l, ua, ub, bins);
     for (b = 0; b < SCATTERI_BINS; b++)
         bins->rate[b] = voxels * bins->stretch[b];
-    for (b = 0; b < SCATTERI_BINS && c->medium.has_analytic; b++) {
-        const float analytic =
-            scatteri_analytic_rate(eye, l, 0.5f * (bins->low[b] + bins->high[b]));
-        bins->rate[b] =
-            scatteri_max(bins->rate[b], scatteri_max(analytic, 1e-30f) * bins->stretch[b]);
-    }
+    if (c->medium.has_analytic)
+        scatteri_rate_fog(&c->medium, &eye->rays, l, bins);
     if (eye->page.complete)
         scatteri_rate_gaussians(&eye->page, l, c->medium.sigma_most, bins);
     for (b = 0; b < SCATTERI_BINS && !eye->page.complete; b++)
         bins->rate[b] = scatteri_max(bins->rate[b], eye->features[l] * bins->stretch[b]);
     if (eye->pass.cut != NULL && eye->pass.cut->in_rim)
         scatteri_rate_glow(&eye->pass.map, l, bins);
-    if (eye->pass.cut != NULL && eye->pass.cut->depth.method == SCATTER_DEPTH_CLOSED)
-        scatteri_rate_shadows(&eye->cast, &eye->rays, l, &eye->pass.cut->source, bins);
+    if (eye->pass.cut != NULL && eye->pass.cut->depth.method == SCATTER_DEPTH_CLOSED) {
+        scatteri_marks marks;
+        scatteri_mark_bins(&eye->rays, l, &eye->pass.cut->source, bins, &marks);
+        scatteri_rate_shadows(&eye->cast, &marks, bins);
+    }
     for (b = 0; b < SCATTERI_BINS && eye->pass.map.bent; b++)
         bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], SCATTERI_PEAK) : 0.0f;
 }
