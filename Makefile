@@ -9,6 +9,7 @@
 #   fuzz      libFuzzer, FUZZ_SECONDS for each of its targets
 #   bench     set up, measure speed against error
 #   glsl      renew the shared region of scatter_gl.h
+#   accuracy  renew the table of hard cases in docs/accuracy.md
 #   install   headers, pkg-config and CMake files; PREFIX=/usr/local DESTDIR=
 #
 # `make test STEPS="unit_gcc fuzz"` runs only some steps; tests/run.sh lists them.
@@ -37,7 +38,7 @@ HEADERS = scatter.h scatter_gl.h
 
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: all clean unit logs sanitize fuzz demo gallery test bench glsl install $(SUITES) $(FUZZERS)
+.PHONY: all clean unit logs sanitize fuzz demo gallery test bench glsl accuracy install $(SUITES) $(FUZZERS)
 
 all: $(PROGRAMS:%=$(BUILD)/%)
 
@@ -162,6 +163,14 @@ bench:
 
 glsl: $(BUILD)/glsl
 	$< scatter.h scatter_gl.h
+
+# The rows that tests/hard_cases.c prints become the table of docs/accuracy.md.
+accuracy: $(BUILD)/hard_cases
+	$< >$(BUILD)/hard_cases.out
+	awk '/^<!-- end of hard cases/ { system("sed -n \"s/^row //p\" $(BUILD)/hard_cases.out"); skip = 0 } \
+	    !skip { print; fflush() } /^\| --- \| --- \| --- \| --- \|$$/ { skip = 1 }' \
+	    docs/accuracy.md >$(BUILD)/accuracy.md
+	mv $(BUILD)/accuracy.md docs/accuracy.md
 
 # ----------------------------------------------------------------------------------- install
 
