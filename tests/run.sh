@@ -9,7 +9,7 @@ set -u
 cd "$(dirname "$0")/.." || exit 1
 unset MAKEFLAGS MFLAGS MAKELEVEL
 export LC_ALL=C
-STEPS="counting unit_gcc unit_clang sanitize m32 scenes compile symbols names tcc mingw glsl readme"
+STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes compile symbols names tcc mingw glsl readme"
 STEPS="$STEPS install fuzz"
 JOBS=$(nproc)
 OUT=build/test
@@ -132,6 +132,41 @@ step_sanitize() {
     clang $SANITIZE "$PLANTED/overflow.c" -o "$PLANTED/overflow"
     refuse "sanitizer: read past a block" heap-buffer-overflow "$PLANTED/heap"
     refuse "sanitizer: integer overflow" "signed integer overflow" "$PLANTED/overflow"
+}
+
+# ---------------------------------------------------------------------------------- accuracy
+
+# has_rows PAGE: the page has each row that the hard cases print, with its bound (some are computed,
+# so 10 % may lie between two machines), none but these, and no number above its bound.
+has_rows() {
+    awk -F' *[|] *' '
+        NR == FNR { if (/^row /) bound[$2] = $4; next }
+        /^\| --- \| --- \| --- \| --- \|$/ { inside = 1; next }
+        /^<!-- end of hard cases/ { inside = 0 }
+        !inside { next }
+        !($2 in bound) { print "no such case: " $2; bad = 1; next }
+        !($5 + 0 <= $4 + 0) { print "above its bound: " $2; bad = 1 }
+        $4 + 0 > 1.1 * bound[$2] || $4 + 0 < 0.9 * bound[$2] { print "another bound: " $2; bad = 1 }
+        { delete bound[$2]; rows++ }
+        END {
+            for (name in bound) { print "missing: " name; bad = 1 }
+            exit bad || !rows
+        }' "$OUT/gcc/hard_cases.log" "$1"
+}
+
+title_accuracy="docs/accuracy.md: each hard case has its row, within its bound"
+step_accuracy() {
+    local bad=$PLANTED/accuracy.md row='orthographic camera, 64 nodes'
+    [ -e "$OUT/gcc/hard_cases.log" ] || make BUILD=$OUT/gcc CC=gcc $OUT/gcc/hard_cases.log >/dev/null
+    check "the table of hard cases" has_rows docs/accuracy.md
+    grep -v "^| $row" docs/accuracy.md >"$bad"
+    refuse "a row less" "missing: $row" has_rows "$bad"
+    sed "s/^\(| $row .*\)| [^|]* |$/\1| 1 |/" docs/accuracy.md >"$bad"
+    refuse "a number above its bound" "above its bound: $row" has_rows "$bad"
+    sed "s/^| $row/| planted/" docs/accuracy.md >"$bad"
+    refuse "a row that nothing prints" 'no such case: planted' has_rows "$bad"
+    sed "s/^\(| $row .*\)| [^|]* | \([^|]*\) |$/\1| 1 | \2 |/" docs/accuracy.md >"$bad"
+    refuse "a looser bound" "another bound: $row" has_rows "$bad"
 }
 
 # ------------------------------------------------------------------------------------ scenes
