@@ -5000,8 +5000,10 @@ static scatter_vec3 scatteri_unit(scatter_vec3 v)
 {
     const float most =
         scatteri_max(scatteri_abs(v.x), scatteri_max(scatteri_abs(v.y), scatteri_abs(v.z)));
+    if (!(most > 0.0f))
+        return v;
     /* divided, not scaled: 1/most of a denormal is infinite */
-    return most > 0.0f ? scatteri_normalize(scatteri_v3(v.x / most, v.y / most, v.z / most)) : v;
+    return scatteri_normalize(scatteri_v3(v.x / most, v.y / most, v.z / most));
 }
 
 /* Irradiance factor of a light at x on a plane square to its direction, before visibility and depth; *to: unit. */
@@ -5050,15 +5052,14 @@ static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surfa
     s.normal = scatteri_unit(hit->normal);
     for (i = 0; i < c->light_count; i++) {
         const scatteri_light *light = &c->lights[i];
-        scatter_vec3 to, value;
+        scatter_vec3 to, value, through;
         const float fall = scatteri_fall(light, x, &to);
-        value =
-            scatteri_scale(scatteri_mul(scatteri_brdf(&s, ray, to), light->desc.intensity), fall);
+        value = scatteri_brdf(&s, ray, to);
+        value = scatteri_scale(scatteri_mul(value, light->desc.intensity), fall);
         if (!(value.x > 0.0f || value.y > 0.0f || value.z > 0.0f) || !scatteri_lit(c, light, x))
             continue;
-        sum = scatteri_add(
-            sum, scatteri_mul(value, scatteri_transmittance(&c->medium,
-                                                            scatter_depth_at(&light->depth, x))));
+        through = scatteri_transmittance(&c->medium, scatter_depth_at(&light->depth, x));
+        sum = scatteri_add(sum, scatteri_mul(value, through));
     }
     return sum;
 }
@@ -5821,10 +5822,13 @@ static scatter_result scatteri_reserve_lights(scatter_context *c, int count)
 static scatter_source scatteri_source_of(const scatter_light *light)
 {
     scatter_source s;
+    memset(&s, 0, sizeof s);
     s.directional = light->kind == SCATTER_LIGHT_DIRECTIONAL;
-    s.position = s.directional ? scatteri_v3(0.0f, 0.0f, 0.0f) : light->position;
-    s.direction = s.directional ? light->direction : scatteri_v3(0.0f, 0.0f, 0.0f);
-    return scatteri_unit_source(&s);
+    if (s.directional)
+        s.direction = scatteri_unit(light->direction);
+    else
+        s.position = light->position;
+    return s;
 }
 
 static int scatteri_same_source(const scatter_source *a, const scatter_source *b)
@@ -6057,8 +6061,9 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
                          hit != NULL ? hit->distance : SCATTERI_FAR);
     scatteri_look(&eye, samples);
     *sample = samples[0];
-    sample->surface =
-        hit != NULL ? scatteri_shade(c, hit, ray->origin, direction) : c->scene.background;
+    sample->surface = c->scene.background;
+    if (hit != NULL)
+        sample->surface = scatteri_shade(c, hit, ray->origin, direction);
     return SCATTER_OK;
 }
 
