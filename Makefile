@@ -7,7 +7,9 @@
 #   test_api  build and run one unit test; so for each of tests/test_*.c
 #   sanitize  unit tests under ASan and UBSan
 #   fuzz      libFuzzer, FUZZ_SECONDS for each of its targets
-#   bench     set up, measure speed against error
+#   bench     set up, measure speed against error, write docs/report.md (minutes)
+#   bench-quick  the same in short (a minute); writes build/bench/report.md only
+#   bench-peers  set up, measure POV-Ray and vdb_render beside ours
 #   glsl      renew the shared region of scatter_gl.h
 #   accuracy  renew the table of hard cases in docs/accuracy.md
 #   install   headers, pkg-config and CMake files; PREFIX=/usr/local DESTDIR=
@@ -38,7 +40,8 @@ HEADERS = scatter.h scatter_gl.h
 
 .DELETE_ON_ERROR:
 .SECONDARY:
-.PHONY: all clean unit logs sanitize fuzz demo gallery test bench glsl accuracy install $(SUITES) $(FUZZERS)
+.PHONY: all clean unit logs sanitize fuzz demo gallery test bench bench-quick bench-peers glsl accuracy
+.PHONY: install $(SUITES) $(FUZZERS)
 
 all: $(PROGRAMS:%=$(BUILD)/%)
 
@@ -63,12 +66,28 @@ $(BUILD)/%.o: tests/%.c | $(BUILD)
 	$(COMPILE) -c $< -o $@
 
 $(BUILD)/%.o: bench/%.c | $(BUILD)
-	$(COMPILE) -DBENCH_FLAGS='"$(CFLAGS)"' -c $< -o $@
+	$(COMPILE) -DBENCH_FLAGS='"$(CFLAGS)"' $(if $(ISA_OBJECTS),-DBENCH_ISA) -c $< -o $@
+
+# The library for one instruction set each, to compare them within one program.
+ISA_x86_64 = sse2 avx2 avx512
+ISA_OBJECTS = $(ISA_$(firstword $(subst -, ,$(shell $(CC) -dumpmachine))):%=$(BUILD)/isa_%.o)
+MARCH_sse2 = x86-64
+MARCH_avx2 = x86-64-v3
+MARCH_avx512 = x86-64-v4
+$(BUILD)/isa_%.o: bench/isa.c | $(BUILD)
+	$(COMPILE) -march=$(MARCH_$*) -DISA_RENDER=isa_render_$* -c $< -o $@
 
 $(BUILD)/scatter-reference: $(BUILD)/reference_main.o $(BUILD)/reference.o
 	$(LINK) $^ -o $@ $(REFERENCE_LIBS) $(LIBS)
 
-$(BUILD)/scatter-bench: $(BUILD)/bench.o $(BUILD)/reference.o
+# The library with what one class of scenes needs, for comparison with the whole one.
+$(BUILD)/specialised_scatter.h: bench/specialise.sh scatter.h | $(BUILD)
+	bash $^ >$@
+
+$(BUILD)/specialised.o: bench/specialised.c $(BUILD)/specialised_scatter.h
+	$(COMPILE) -Wno-unused -I$(BUILD) -c $< -o $@
+
+$(BUILD)/scatter-bench: $(BUILD)/bench.o $(BUILD)/specialised.o $(BUILD)/reference.o $(ISA_OBJECTS)
 	$(LINK) $^ -o $@ $(REFERENCE_LIBS) $(LIBS)
 
 # -------------------------------------------------------------------------------- unit tests
@@ -156,10 +175,16 @@ test:
 	$(SETUP) test
 	@bash tests/run.sh $(STEPS)
 
-bench:
+bench bench-quick:
 	$(SETUP) bench
 	$(MAKE) --no-print-directory $(BUILD)/scatter-bench
-	$(BUILD)/scatter-bench
+	$(BUILD)/scatter-bench $(OPTIONS_$@)
+OPTIONS_bench-quick = --quick
+
+bench-peers:
+	$(SETUP) peers
+	$(MAKE) --no-print-directory $(BUILD)/scatter-bench
+	$(BUILD)/scatter-bench peers
 
 glsl: $(BUILD)/glsl
 	$< scatter.h scatter_gl.h

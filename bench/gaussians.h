@@ -1,4 +1,4 @@
-/* gaussians.h - benchmark 4: one to 27,000 Gaussians, injection and rays. MIT licence. */
+/* gaussians.h - benchmark: one to 27,000 Gaussians, injection and rays. MIT licence. */
 #ifndef SCATTER_BENCH_GAUSSIANS_H
 #define SCATTER_BENCH_GAUSSIANS_H
 
@@ -156,14 +156,14 @@ static void many_run(report *r)
     if (!b)
         must(SCATTER_OUT_OF_MEMORY, "malloc");
     many_open(b);
-    report_text(r, "## 4. One to 27,000 Gaussians");
+    report_text(r, "## One to 27,000 Gaussians");
     report_text(r,
                 "The same mass of medium as n random Gaussians in the unit cube, one thread. "
                 "Injection into %d^3 cells (scatter_inject); an image of %dx%d with injected "
                 "density, polar depth and 16 nodes. Overlap: Gaussians within 3/a of a cell. "
                 "Setup holds injection and propagation.",
                 MANY_GRID, MANY_SIZE, MANY_SIZE);
-    for (int round = 0; round < MANY_ROUNDS; round++)
+    for (int round = 0; round < by_level(1, 2, MANY_ROUNDS); round++)
         for (int i = 0; i < MANY_COUNTS; i++) {
             many_measure(b, &b->constant_overlap[i], round);
             many_measure(b, &b->constant_width[i], round);

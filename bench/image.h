@@ -14,10 +14,12 @@
 typedef struct setting {
     scatter_quality quality;
     int threads;
-    int on_wall;        /* which clock: on the wall, or the processor time of the one thread */
-    int skipped;        /* it would have taken too long */
-    double rmse, worst; /* relative RMSE, largest error over the mean of the reference */
-    timing setup, rays; /* ms: scatter_update in a fresh context, scatter_render */
+    int on_wall; /* which clock: on the wall, or the processor time of the one thread */
+    int skipped; /* it would have taken too long */
+    double rmse, worst, p99, bias; /* as in image_errors */
+    timing setup, rays;            /* ms: scatter_update in a fresh context, scatter_render */
+    double scale; /* pixels of the image that times are quoted for, over pixels rendered */
+    size_t bytes; /* that the context holds */
 } setting;
 
 static setting setting_of(scatter_depth_method depth, scatter_ray_method ray, int nodes, int grid)
@@ -29,26 +31,22 @@ static setting setting_of(scatter_depth_method depth, scatter_ray_method ray, in
     s.quality.nodes = nodes;
     s.quality.grid = grid;
     s.threads = 1;
+    s.scale = 1;
     return s;
 }
 
 static double setting_ms(const setting *s)
 {
-    return timing_median(&s->setup) + timing_median(&s->rays);
+    return timing_median(&s->setup) + timing_median(&s->rays) * s->scale;
 }
 
-/* Is there none that is at least as fast and as accurate, and better in one of the two? */
+/* Does none of them beat it? */
 static int on_front(const setting *s, const setting *all, int n)
 {
-    if (s->skipped || isnan(s->rmse))
-        return 0;
-    for (int i = 0; i < n; i++) {
-        double ms = setting_ms(&all[i]), mine = setting_ms(s);
-        int better = ms < mine || all[i].rmse < s->rmse;
-        if (!all[i].skipped && ms <= mine && all[i].rmse <= s->rmse && better)
-            return 0;
-    }
-    return 1;
+    int beaten = s->skipped || isnan(s->rmse);
+    for (int i = 0; i < n && !beaten; i++)
+        beaten = !all[i].skipped && beats(setting_ms(&all[i]), all[i].rmse, setting_ms(s), s->rmse);
+    return !beaten;
 }
 
 /* ---------------------------------------------------------------------------------- pictures */
@@ -78,16 +76,17 @@ static void render_timed(setting *s, const scatter_scene *scene, const scatter_v
     must(scatter_render(context, view, image), "scatter_render");
     timing_add(&s->rays, clock_ms(id) - ready);
     timing_add(&s->setup, ready - start);
+    s->bytes = scatter_get_stats(context).bytes;
     scatter_destroy(context);
 }
 
 static void setting_compare(setting *s, const float *rgb, const float *reference, size_t values)
 {
-    double mean = 0;
-    for (size_t i = 0; i < values; i++)
-        mean += (double)reference[i] / (double)values;
-    s->rmse = relative_rmse(rgb, reference, values);
-    s->worst = largest_error(rgb, reference, values) / mean;
+    image_errors e = errors_of(rgb, reference, values);
+    s->rmse = e.rmse;
+    s->worst = e.most;
+    s->p99 = e.p99;
+    s->bias = e.bias;
 }
 
 /* The view whose count x count pixel centres are every (size/count)-th pixel centre of a size x
@@ -172,6 +171,29 @@ static void reference_of_file(const scene_file *file, const char *path, const sc
                               int size, float *rgb)
 {
     reference_cached(&file->scene, path, hash_file(HASH_START, path), view, size, rgb);
+}
+
+static int scene_holds(const char *path, const char *words)
+{
+    char *text = report_file(path);
+    int found = strstr(text, words) != NULL;
+    free(text);
+    return found;
+}
+
+/* Are the voxels there that its lines "grid FILE ..." name, relative to the scene file? */
+static int scene_has_data(const char *path)
+{
+    char *text = report_file(path), file[256], there[512];
+    const char *slash = strrchr(path, '/');
+    int found = 1;
+    for (char *at = strstr(text, "\ngrid "); at && found; at = strstr(at + 1, "\ngrid ")) {
+        found = sscanf(at, " grid %255s", file) == 1;
+        snprintf(there, sizeof there, "%.*s%s", slash ? (int)(slash + 1 - path) : 0, path, file);
+        found = found && access(there, R_OK) == 0;
+    }
+    free(text);
+    return found;
 }
 
 static void scene_must_read(scene_file *file, const char *path)

@@ -8,10 +8,23 @@
 #include <math.h>
 #include <pthread.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
+
+/* ------------------------------------------------------------------------------------- level */
+
+/* How much a run does. TEST asks only whether everything still works: its figures mean nothing. */
+typedef enum bench_level { LEVEL_TEST, LEVEL_QUICK, LEVEL_FULL } bench_level;
+
+static bench_level level = LEVEL_FULL; /* main sets it once */
+
+static int by_level(int test, int quick, int full)
+{
+    return level == LEVEL_FULL ? full : level == LEVEL_QUICK ? quick : test;
+}
 
 /* -------------------------------------------------------------------------------------- time */
 
@@ -125,17 +138,109 @@ static double largest_error(const float *value, const float *reference, size_t n
     return most;
 }
 
-/* The measures measured: a benchmark with wrong yardsticks must not run. */
-static void check_measures(void)
+static double mean_of(const float *value, size_t n)
 {
-    const float value[3] = {1, 2, 3}, reference[3] = {1, 2, 6};
+    double sum = 0;
+    for (size_t i = 0; i < n; i++)
+        sum += (double)value[i];
+    return sum / (double)n;
+}
+
+static int double_order(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The value that a `part` (0..1) of all values do not exceed: the smallest such value. Sorts. */
+static double percentile(double *value, size_t n, double part)
+{
+    size_t rank = (size_t)ceil(part * (double)n);
+    qsort(value, n, sizeof *value, double_order);
+    return value[rank > 0 ? rank - 1 : 0];
+}
+
+/* Errors of an image, all over the mean of the reference. */
+typedef struct image_errors {
+    double rmse;
+    double most, p99; /* of the differences without sign: the largest, the 99th percentile */
+    double bias;      /* mean difference: above 0 the image is too bright */
+} image_errors;
+
+static image_errors errors_of(const float *value, const float *reference, size_t n)
+{
+    image_errors e;
+    double mean = mean_of(reference, n), *off = (double *)malloc(n * sizeof *off);
+    if (!off)
+        exit(1);
+    for (size_t i = 0; i < n; i++)
+        off[i] = fabs((double)value[i] - (double)reference[i]);
+    e.rmse = relative_rmse(value, reference, n);
+    e.most = largest_error(value, reference, n) / mean;
+    e.p99 = isnan(e.most) ? NAN : percentile(off, n, 0.99) / mean; /* NaN cannot be sorted */
+    e.bias = (mean_of(value, n) - mean) / mean;
+    free(off);
+    return e;
+}
+
+/* Is a setting of this time and error at least as good as the other in both, and better in one? */
+static int beats(double ms, double error, double other_ms, double other_error)
+{
+    return ms <= other_ms && error <= other_error && (ms < other_ms || error < other_error);
+}
+
+/* ---------------------------------------------------------------------------------- self-test */
+
+static int near_to(double value, double truth)
+{
+    return fabs(value - truth) <= 1e-12 * fabs(truth);
+}
+
+static int timing_works(void)
+{
     timing t = {{0}, 0};
     timing_add(&t, 3);
     timing_add(&t, 1);
     timing_add(&t, 2);
-    if (fabs(relative_rmse(value, reference, 3) - sqrt(3.0) / 3.0) < 1e-12 &&
-        largest_error(value, reference, 3) == 3.0 && timing_median(&t) == 2.0 &&
-        timing_min(&t) == 1.0 && isnan(worse_of(NAN, 1)) && isnan(worse_of(1, NAN)))
+    return timing_median(&t) == 2.0 && timing_min(&t) == 1.0 && timing_spread(&t) == 1.0 &&
+           *timing_flag(&t) == '~';
+}
+
+/* 1..199 and one outlier: the percentile is no maximum, the bias has a sign. */
+static int errors_work(void)
+{
+    const float value[3] = {1, 2, 3}, reference[3] = {1, 2, 6}, broken[3] = {1, NAN, 2};
+    double list[200];
+    image_errors e = errors_of(value, reference, 3), b = errors_of(broken, reference, 3);
+    for (int i = 0; i < 200; i++)
+        list[i] = i < 199 ? 199 - i : 1000;
+    return near_to(relative_rmse(value, reference, 3), sqrt(3.0) / 3.0) &&
+           largest_error(value, reference, 3) == 3.0 && near_to(e.rmse, sqrt(3.0) / 3.0) &&
+           near_to(e.most, 1.0) && near_to(e.p99, 1.0) && near_to(e.bias, -1.0 / 3.0) &&
+           percentile(list, 200, 0.99) == 198.0 && percentile(list, 200, 0.5) == 100.0 &&
+           isnan(b.rmse) && isnan(b.most) && isnan(b.p99) && isnan(b.bias) &&
+           isnan(worse_of(NAN, 1)) && isnan(worse_of(1, NAN));
+}
+
+/* Equal settings do not beat each other, so both stay; what is not a number beats nothing. */
+static int front_works(void)
+{
+    static const double ms[6] = {1, 2, 3, 2, 4, 1}, error[6] = {9, 5, 5, 6, 1, 9};
+    static const int front[6] = {1, 1, 0, 0, 1, 1};
+    for (int i = 0; i < 6; i++) {
+        int beaten = 0;
+        for (int k = 0; k < 6; k++)
+            beaten |= beats(ms[k], error[k], ms[i], error[i]);
+        if (beaten == front[i])
+            return 0;
+    }
+    return !beats(0, NAN, 1, 1) && !beats(NAN, 0, 1, 1);
+}
+
+/* The measures measured: a benchmark with wrong yardsticks must not run. */
+static void check_measures(void)
+{
+    if (timing_works() && errors_work() && front_works())
         return;
     fprintf(stderr, "bench: its own measures are wrong\n");
     exit(1);

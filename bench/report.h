@@ -9,21 +9,35 @@
 #include <string.h>
 
 enum {
-    REPORT_COLUMNS = 16,
-    REPORT_ROWS = 512,
+    REPORT_COLUMNS = 24,
+    REPORT_ROWS = 2048,
     REPORT_CELL = 64,
-    REPORT_TARGETS = 64,
+    REPORT_TARGETS = 128,
+    REPORT_CLAIMS = 32,
     REPORT_LINE = 320
 };
 
+/* The parts of the page in their order; the benchmarks fill them in another. */
+typedef enum report_part { REPORT_HEAD, REPORT_FRONTS, REPORT_BODY, REPORT_PARTS } report_part;
+
+/* Main sets them once: where CSV files and points go, where charts go, and how the page, wherever
+   it is, links to them. */
+static const char *report_folder = "build/bench", *report_charts = "build/bench",
+                  *report_link = ".";
+
 typedef struct report {
-    FILE *page;    /* docs/report.md */
+    const char *path;                /* docs/report.md */
+    FILE *part[REPORT_PARTS], *page; /* `page` is the part that is being written */
+    char *text[REPORT_PARTS];        /* what is in the parts, once they are closed */
+    size_t bytes[REPORT_PARTS];
     char csv[128]; /* path of the table's CSV file */
     int columns, rows, column;
     char cell[REPORT_ROWS][REPORT_COLUMNS][REPORT_CELL]; /* row 0 holds the headings */
     int shown[REPORT_ROWS];
     char target[REPORT_TARGETS][REPORT_LINE];
     int targets, missed;
+    char claim[REPORT_CLAIMS][REPORT_LINE]; /* rows of the table in README.md */
+    int claims;
 } report;
 
 static void report_die(const char *what, const char *path)
@@ -32,18 +46,47 @@ static void report_die(const char *what, const char *path)
     exit(1);
 }
 
+static void report_turn_to(report *r, report_part part)
+{
+    r->page = r->part[part];
+}
+
+/* Nothing is written to `path` before report_close. */
 static void report_open(report *r, const char *path)
 {
     memset(r, 0, sizeof *r);
-    r->page = fopen(path, "w");
-    if (!r->page)
-        report_die("cannot write", path);
+    r->path = path;
+    for (int i = 0; i < REPORT_PARTS; i++) {
+        r->part[i] = open_memstream(&r->text[i], &r->bytes[i]);
+        if (!r->part[i])
+            report_die("no memory for", path);
+    }
+    report_turn_to(r, REPORT_BODY);
 }
 
 static void report_close(report *r)
 {
-    if (fclose(r->page) != 0)
-        report_die("cannot write", "docs/report.md");
+    FILE *page = fopen(r->path, "w");
+    for (int i = 0; page && i < REPORT_PARTS; i++) {
+        if (fclose(r->part[i]) != 0)
+            report_die("no memory for", r->path);
+        fwrite(r->text[i], 1, r->bytes[i], page);
+        free(r->text[i]);
+    }
+    if (!page || fclose(page) != 0)
+        report_die("cannot write", r->path);
+}
+
+/* The whole text of a file; free() it. */
+static char *report_file(const char *path)
+{
+    FILE *file = fopen(path, "rb");
+    long bytes = file && fseek(file, 0, SEEK_END) == 0 ? ftell(file) : -1;
+    char *text = bytes >= 0 ? (char *)calloc((size_t)bytes + 1, 1) : NULL;
+    if (!text || fseek(file, 0, SEEK_SET) != 0 ||
+        fread(text, 1, (size_t)bytes, file) != (size_t)bytes || fclose(file) != 0)
+        report_die("cannot read", path);
+    return text;
 }
 
 /* One paragraph or heading on both. */
@@ -81,7 +124,7 @@ static void report_row(report *r, int shown)
 /* Starts a table; `headings` are separated by '|'. */
 static void report_table(report *r, const char *csv, const char *headings)
 {
-    snprintf(r->csv, sizeof r->csv, "build/bench/%s.csv", csv);
+    snprintf(r->csv, sizeof r->csv, "%s/%s.csv", report_folder, csv);
     r->rows = r->column = 0;
     r->columns = 0;
     while (*headings) {
@@ -155,7 +198,8 @@ static void report_end(report *r)
     report_write_csv(r);
 }
 
-/* A requirement, what was found, and whether that is enough. */
+/* A requirement, what was found, and whether that is enough: on standard output now, on the page in
+   the list of all. */
 static void report_target(report *r, int reached, const char *target, const char *format, ...)
 {
     char measured[REPORT_LINE / 2];
@@ -167,9 +211,42 @@ static void report_target(report *r, int reached, const char *target, const char
     va_end(list);
     snprintf(r->target[r->targets], REPORT_LINE, "target: %s  measured: %s  %s", target, measured,
              reached ? "ok" : "MISSED");
-    report_text(r, "%s", r->target[r->targets++]);
+    printf("%s\n\n", r->target[r->targets++]);
     if (!reached)
         r->missed++;
+}
+
+/* A row of README.md's table: what, what was asked for, what was measured. */
+static void report_claim(report *r, const char *what, const char *asked, const char *format, ...)
+{
+    char measured[REPORT_LINE / 2];
+    va_list list;
+    if (r->claims >= REPORT_CLAIMS)
+        report_die("too many claims:", what);
+    va_start(list, format);
+    vsnprintf(measured, sizeof measured, format, list);
+    va_end(list);
+    snprintf(r->claim[r->claims++], REPORT_LINE, "| %s | %s | %s |", what, asked, measured);
+}
+
+/* Replaces what stands between the two marks in the file by the claims. */
+static void report_write_claims(const report *r, const char *path)
+{
+    static const char begin[] = "<!-- make bench begin -->\n", end[] = "<!-- make bench end -->";
+    char *text = report_file(path), *from = strstr(text, begin), *to = strstr(text, end);
+    if (!from || !to || to < from)
+        report_die("no marks for the table in", path);
+    FILE *page = fopen(path, "w");
+    if (!page)
+        report_die("cannot write", path);
+    fprintf(page, "%.*s", (int)(from + strlen(begin) - text), text);
+    fprintf(page, "| what | asked for | measured |\n| --- | --- | --- |\n");
+    for (int i = 0; i < r->claims; i++)
+        fprintf(page, "%s\n", r->claim[i]);
+    fputs(to, page);
+    if (fclose(page) != 0)
+        report_die("cannot write", path);
+    free(text);
 }
 
 static void report_summary(report *r)
@@ -180,6 +257,7 @@ static void report_summary(report *r)
         printf("- %s\n", r->target[i]);
         fprintf(r->page, "- %s\n", r->target[i]);
     }
+    fputs("\n", r->page);
 }
 
 #endif

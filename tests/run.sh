@@ -10,7 +10,7 @@ cd "$(dirname "$0")/.." || exit 1
 unset MAKEFLAGS MFLAGS MAKELEVEL
 export LC_ALL=C
 STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes compile symbols names tcc mingw glsl readme"
-STEPS="$STEPS install fuzz"
+STEPS="$STEPS install bench fuzz"
 JOBS=$(nproc)
 OUT=build/test
 PLANTED=$OUT/planted # copies of project files with a fault in them
@@ -212,6 +212,33 @@ step_scenes() {
     done
     gather
     refuse "another scene" above agrees examples/scenes/two_lights.scatter $OUT/one_gaussian.pfm
+}
+
+# ------------------------------------------------------------------------------------- bench
+
+# The benchmark's own check of its measures, as a program. With an edit: of a copy that has it.
+measures_work() {
+    local dir=$PLANTED/measures
+    mkdir -p "$dir"
+    sed "${1-}" bench/measure.h >"$dir/measure.h"
+    echo '#include "measure.h"
+        int main(void) { check_measures(); return 0; }' >"$dir/main.c"
+    gcc -std=c99 -D_POSIX_C_SOURCE=200809L -I"$dir" -Ibench "$dir/main.c" -o "$dir/main" -lm &&
+        "$dir/main"
+}
+
+title_bench="the benchmark: all of it in its shortest form; wrong measures stop it"
+step_bench() {
+    local program=$OUT/bench/scatter-bench wrong="its own measures are wrong"
+    check "compiles" make -j"$JOBS" BUILD=$OUT/bench CFLAGS=-O1 WARNINGS="$WARNINGS" "$program"
+    check "runs" "$program" --test
+    check "writes its report" grep -q '^## All targets' build/bench/test/report.md
+    check "README has a place for its table" grep -q '^<!-- make bench begin -->$' README.md
+    check "measures" measures_work
+    refuse "median" "$wrong" measures_work 's/0\.5 \* (t->ms/0.6 * (t->ms/'
+    refuse "percentile" "$wrong" measures_work 's/value\[rank > 0 ? rank - 1 : 0\]/value[n - 1]/'
+    refuse "bias" "$wrong" measures_work 's/(mean_of(value, n) - mean)/fabs(&)/'
+    refuse "front" "$wrong" measures_work 's/&& (ms < other_ms || error < other_error)//'
 }
 
 # --------------------------------------------------------------------------------- self-test

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# setup.sh demo|bench|test: installs the Debian packages that the make target of that name needs and
-# that are missing, as root or by sudo, and says so. Where it cannot, it names them and fails.
+# setup.sh demo|bench|peers|test: installs the Debian packages that are missing and that the make
+# target of that name (peers: bench-peers) needs, as root or by sudo, and says so. Where it cannot,
+# it names them and fails.
 set -u
 
 programs="make gcc libc6-dev libstb-dev libnanovdb-dev libnanovdb-tools"
@@ -10,9 +11,10 @@ checks="libcmocka-dev libmpfr-dev glslang-tools pkg-config cmake"
 
 case "${1-}" in
 demo) packages="$programs" ;;
-bench) packages="$programs $reference libopenvdb-tools" ;;
+bench) packages="$programs $reference libopenvdb-tools gnuplot-nox" ;;
+peers) packages="$programs $reference libopenvdb-tools povray" ;;
 test) packages="$programs $reference $compilers $checks" ;;
-*) echo "usage: setup.sh demo|bench|test" >&2; exit 2 ;;
+*) echo "usage: setup.sh demo|bench|peers|test" >&2; exit 2 ;;
 esac
 
 # Prints those of the named packages that are not installed.
