@@ -577,11 +577,12 @@ static void peers_run(report *r)
 {
     report_text(r, "## Beside other programs");
     report_text(r,
-                "Written by `make bench-peers`. %dx%d pixels, errors against the double-precision reference. Times are rays for "
-                "all, with the setup for ours; on one thread processor time against POV-Ray's own "
-                "figure for tracing, otherwise time on the wall against the program's own figure "
-                "for tracing. Start and reading of files are not counted. The pictures show ours, "
-                "theirs and 20 times the difference, the most accurate of each.",
+                "Written by `make bench-peers`. %dx%d pixels, errors against the "
+                "double-precision reference. Times are rays for all, with the setup for ours; on "
+                "one thread processor time against POV-Ray's own figure for tracing, otherwise "
+                "time on the wall against the program's own figure for tracing. Start and reading "
+                "of files are not counted. The pictures show ours, theirs and 20 times the "
+                "difference, the most accurate of each.",
                 PEERS_SIZE, PEERS_SIZE);
     for (int i = 0; i < PEERS_SCENES; i++) {
         peers_bench b;
