@@ -25,8 +25,8 @@ enum {
 };
 
 #define PAPERS_ERROR 0.01
-#define PAPERS_BUDGET 40e3 /* ms for the search of a baseline in one scene */
-#define PAPERS_OWN 10e3    /* the same for a variant of ours */
+#define PAPERS_BUDGET 25e3 /* ms for the search of a baseline in one scene */
+#define PAPERS_OWN 5e3     /* the same for a variant of ours */
 #define PAPERS_SLOW 2e3    /* ms; what takes longer is measured once */
 
 typedef enum papers_method {
