@@ -3848,9 +3848,12 @@ SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const sca
         if (lobes.weight > 0.0f)
             for (l = 0; l < SCATTERI_LANES; l++)
                 fall[l] *= scatteri_phase(lobes, omc[l]);
-        else
+        else if (lobes.g1 > 0.0f || lobes.alpha1 > 0.0f) /* turned forward, see scatteri_turn_lobes */
             for (l = 0; l < SCATTERI_LANES; l++)
                 fall[l] *= scatteri_draine(lobes.g1, lobes.alpha1, omc[l]);
+        else
+            for (l = 0; l < SCATTERI_LANES; l++)
+                fall[l] *= 0.0795774715f;
         for (l = 0; l < SCATTERI_LANES; l++)
             out[first + l] = fall[l];
     }
