@@ -35,6 +35,7 @@
    - Lights: point, spot and directional, any number, shadowed by the medium and by the host's geometry.
    - Single scattering, exactly or to a stated error; surfaces lit and seen through the medium.
    - The same bits for the same input on the same machine and build, with any number of threads.
+   - Plans the cheapest quality for a given error, and tells the error of an image.
    What it does not do (yet): multiple scattering, environment maps, refraction.
 
    Conventions
@@ -65,12 +66,14 @@
       voxels, which stay yours and must stay alive and unchanged until the next update.
    3. scatter_render for images, scatter_radiance for single rays, scatter_depth_* and scatter_inject for the
       stages on their own.
+   4. Instead of choosing a scatter_quality, name an error: scatter_plan finds the cheapest quality that keeps it.
 
    Errors: every call that can fail returns a scatter_result; the reason is handed as one sentence that names
    the field to `host.log`. The library prints nothing. A failed call changes nothing but what it says.
    Memory: through host.allocate/release (default malloc/free), only in scatter_create, scatter_depth_create,
    scatter_update and scatter_depth_update, and there only when something became larger. scatter_render,
-   scatter_radiance, scatter_inject and scatter_depth_at never allocate. At most 140 KB of stack.
+   scatter_radiance, scatter_inject and scatter_depth_at never allocate. At most 140 KB of stack, 250 KB with an estimate
+   or a plan, which allocates a context of its own.
    Threads: none of its own. Long loops are handed to host.parallel_for if there is one. scatter_radiance,
    scatter_depth_at and all functions without a context may be called from any number of threads.
    Determinism: the same bits on the same machine and build for any number of threads; on another processor
@@ -281,6 +284,14 @@ typedef struct scatter_view {
     scatter_vec3 direction, direction_dx, direction_dy;
 } scatter_view;
 
+/* How wrong an image is: RMSE over all pixels and channels, over their mean. */
+typedef struct scatter_estimate {
+    float error;       /* 0.01: 1 % */
+    float uncertainty; /* its standard error: it rests on a sample of the pixels */
+    int trusted;       /* 0: the error is larger than 20 %, or gathers in few pixels of the sample, or cells or nodes
+                          are far too few for the narrowest features, or the sample is too small */
+} scatter_estimate;
+
 typedef struct scatter_image {
     int width, height;      /* pixels of the whole image, >= 1 */
     int x0, y0, x1, y1;     /* region to render, x0 <= x < x1; all zero: everything. Pixels outside stay untouched */
@@ -290,7 +301,18 @@ typedef struct scatter_image {
                                the ray; not > 0, infinite or NaN: it does not. NULL: scene.surface decides */
     const float *color;     /* in: width*height*3, the host's own picture, seen through the medium. NULL:
                                the lit scene.surface and the background */
+    scatter_estimate *estimate; /* out: how wrong the region is; costs up to 30 % more time. NULL: not asked for */
 } scatter_image;
+
+/* What scatter_plan found. */
+typedef struct scatter_forecast {
+    scatter_quality quality;   /* for scatter_update */
+    scatter_estimate estimate; /* of the image with this quality */
+    int kept;                  /* 0: nothing that was tried keeps the budget; this is the most accurate of it */
+    float setup_ms, image_ms;  /* of scatter_update and scatter_render, on one core like that of docs/report.md; what
+                                  all settings share (checks, copies) is left out */
+    float planning_ms;         /* what the planning itself cost, in the same measure */
+} scatter_forecast;
 
 /* Values at the centres of nx*ny*nz cells of a box, x fastest; memory of the host. */
 typedef struct scatter_volume {
@@ -372,6 +394,16 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *context, cons
 SCATTER_API scatter_result scatter_render(const scatter_context *context, const scatter_view *view,
                                           const scatter_image *image);
 
+/* The cheapest quality (depth method and grid, ray method and nodes; setup and one image together) that keeps the error
+   of an image within `budget`, relative RMSE, 1e-5..1; 0.01: 1 %. Tries settings on a sample of the image's packets:
+   that costs a few images where they are small, one or two where they are large; see forecast.planning_ms.
+   image: as for scatter_render; the pixels of its region serve as scratch memory, `estimate` and `transmittance` stay
+   untouched. `host` may be NULL; allocates what scatter_create and scatter_update do and releases it. Same bits
+   with any number of threads. */
+SCATTER_API scatter_result scatter_plan(const scatter_host *host, const scatter_scene *scene,
+                                        const scatter_view *view, const scatter_image *image,
+                                        float budget, scatter_forecast *forecast);
+
 /* Views. fov_y: vertical field of view, radians, 0..pi; height: of the view, m; aspect: width / height.
    Image right is forward x up. */
 SCATTER_API scatter_view scatter_view_perspective(scatter_vec3 eye, scatter_vec3 target, scatter_vec3 up,
@@ -396,7 +428,7 @@ SCATTER_API unsigned char scatter_srgb8(float linear);
 
 /* ========================================================================================== IMPLEMENTATION
    Data flows one way through the chapters:
-   core -> log -> memory -> medium -> depth -> source -> ray -> image -> validation -> public. */
+   core -> log -> memory -> medium -> depth -> source -> ray -> image -> validation -> plan -> public. */
 #ifdef SCATTER_IMPLEMENTATION
 #ifndef SCATTER_IMPLEMENTED
 #define SCATTER_IMPLEMENTED
@@ -2263,6 +2295,7 @@ typedef struct scatteri_shadows {
     float trim;                                                 /* see scatteri_trim.depth */
     scatteri_slabs slabs;                                       /* hold the segments */
     int count, next, complete;                                  /* as in scatteri_page */
+    int total;                                                  /* gathered so far */
     float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre, relative to slabs.ref */
     float a[SCATTERI_PAGE], scale[SCATTERI_PAGE];               /* scale: c sqrt(pi)/(2a) */
     int inside[SCATTERI_PAGE]; /* segments can end inside the Gaussian's support */
@@ -2342,6 +2375,7 @@ SCATTERI_HOT static void scatteri_gather_shadows(scatteri_shadows *s, int first)
     }
     s->next = first;
     s->complete = from_start && first >= g->padded;
+    s->total = from_start ? s->count : s->total + s->count;
 }
 
 /* Points on the rays between t0 and t1 will ask for their depth. */
@@ -3540,15 +3574,24 @@ static void scatteri_shape(scatter_depth *d, int n)
         d->nx = d->ny = n;
 }
 
+/* Where the cells of about n^3 lie. */
+static void scatteri_lay_out(scatter_depth *d, int n)
+{
+    scatteri_shape(d, n);
+    d->box = d->medium->local;
+    d->cell = scatteri_v3((d->box.max.x - d->box.min.x) / (float)n,
+                          (d->box.max.y - d->box.min.y) / (float)n,
+                          (d->box.max.z - d->box.min.z) / (float)n);
+    if (d->method == SCATTER_DEPTH_POLAR && d->source.directional)
+        scatteri_parallel_columns(d);
+    else if (d->method == SCATTER_DEPTH_POLAR)
+        scatteri_polar_columns(d);
+}
+
 static scatter_result scatteri_fill(const scatteri_stage *stage, scatter_depth *d)
 {
     switch (d->method) {
-    case SCATTER_DEPTH_POLAR:
-        if (d->source.directional)
-            scatteri_parallel_columns(d);
-        else
-            scatteri_polar_columns(d);
-        return scatteri_parallel(stage, d->ny, scatteri_fill_column_row, d);
+    case SCATTER_DEPTH_POLAR: return scatteri_parallel(stage, d->ny, scatteri_fill_column_row, d);
     case SCATTER_DEPTH_CLOSED_VOLUME:
         return scatteri_parallel(stage, d->nz, scatteri_closed_slice, d);
     case SCATTER_DEPTH_MARCH: return scatteri_parallel(stage, d->nz, scatteri_march_slice, d);
@@ -3568,7 +3611,7 @@ static scatter_result scatteri_build_depth(const scatteri_stage *stage, scatter_
     size_t bytes;
     if (d->method == SCATTER_DEPTH_CLOSED || !d->medium->has_local)
         return SCATTER_OK;
-    scatteri_shape(d, n);
+    scatteri_lay_out(d, n);
     bytes = scatteri_bytes((size_t)d->nx, (size_t)d->ny, (size_t)d->nz, sizeof(float));
     if (bytes == 0)
         return scatteri_fail(&d->host, SCATTER_TOO_LARGE,
@@ -3577,10 +3620,6 @@ static scatter_result scatteri_build_depth(const scatteri_stage *stage, scatter_
     if (result != SCATTER_OK)
         return result;
     d->values = (float *)d->memory.data;
-    d->box = d->medium->local;
-    d->cell = scatteri_v3((d->box.max.x - d->box.min.x) / (float)n,
-                          (d->box.max.y - d->box.min.y) / (float)n,
-                          (d->box.max.z - d->box.min.z) / (float)n);
     d->at_source =
         d->source.directional ? 0.0f : scatteri_local_density(d->medium, d->source.position);
     return scatteri_fill(stage, d);
@@ -3693,11 +3732,78 @@ struct scatter_context {
     const scatteri_field *fields; /* sampled along eye rays: the grids, or the injected density */
     int field_count;
     int exact;                           /* Gaussians are evaluated at the nodes */
+    int twin;                            /* 1: the audit's better twin, see "plan"; else 0 */
     scatteri_rule rules[SCATTERI_RULES]; /* rule i has about (i + 1)/8 of `nodes` nodes */
     scatteri_trim trim;
     int ready;
     scatter_stats stats;
 };
+
+/* Kinds of work, counted for forecasts of cost. */
+enum {
+    SCATTERI_WORK_PACKET,   /* 16 rays begun and ended */
+    SCATTERI_WORK_TEST,     /* 16 Gaussians looked at, whether they reach the rays */
+    SCATTERI_WORK_PAGE,     /* Gaussian prepared for 16 rays */
+    SCATTERI_WORK_NODE,     /* rows: 16 nodes placed and filled */
+    SCATTERI_WORK_GAUSSIAN, /* Gaussian and row: density and depth */
+    SCATTERI_WORK_BIN,      /* Gaussian and ray: features in bins */
+    SCATTERI_WORK_VOXEL,    /* grid and row: density sampled */
+    SCATTERI_WORK_GATHER,   /* light and up to 16 rows: Gaussians in between gathered */
+    SCATTERI_WORK_LIGHT,    /* light and row: scattered and attenuated */
+    SCATTERI_WORK_SHADOW,   /* Gaussian and row: depth to the light in closed form */
+    SCATTERI_WORK_CROSSING, /* voxel on the way of 16 nodes to a light, in closed form */
+    SCATTERI_WORK_READ,     /* light and row: depth read from a volume */
+    SCATTERI_WORK_CALL,     /* host's callbacks */
+    SCATTERI_WORK_CELL,     /* 16 cells of a volume filled */
+    SCATTERI_WORK_RULE,     /* square of the nodes of a panel */
+    SCATTERI_WORK_STRAIN,   /* none, but a sign: nodes were fewer than features */
+    SCATTERI_WORKS
+};
+
+/* Nanoseconds of each kind of work, one core; `make bench` measures them and prints its own beside these. */
+static const float scatteri_nanoseconds[SCATTERI_WORKS] = {
+    100.0f,  /* packet */
+    90.0f,   /* test */
+    200.0f,  /* page */
+    100.0f,  /* node */
+    12.7f,   /* gaussian */
+    32.0f,   /* bin */
+    100.0f,  /* voxel */
+    550.0f,  /* gather */
+    10.0f,   /* light */
+    17.0f,   /* shadow */
+    640.0f,  /* crossing */
+    100.0f,  /* read */
+    120.0f,  /* call */
+    45.0f,   /* cell */
+    1300.0f, /* rule */
+    0.0f     /* strain */
+};
+
+static double scatteri_cost(const double *work)
+{
+    double sum = 0.0;
+    int i;
+    for (i = 0; i < SCATTERI_WORKS; i++)
+        sum += work[i] * (double)scatteri_nanoseconds[i];
+    return sum;
+}
+
+/* Looks at 16 Gaussians each that find those on some rays. */
+static double scatteri_tests(const scatteri_gaussians *g)
+{
+    return (double)g->padded / (double)SCATTERI_LANES;
+}
+
+/* Voxels on a long way through all grids. */
+static double scatteri_crossings(const scatter_medium *m)
+{
+    double sum = 0.0;
+    size_t i;
+    for (i = 0; i < m->grid_count; i++)
+        sum += (double)m->grids[i].nx + (double)m->grids[i].ny + (double)m->grids[i].nz;
+    return sum / 3.0;
+}
 
 /* Nodes of a quadrature on 16 eye rays, and what the medium is there. */
 typedef struct scatteri_nodes {
@@ -3707,6 +3813,7 @@ typedef struct scatteri_nodes {
         [SCATTERI_POINTS]; /* length of the cell around the node in which density counts as constant; 0: none */
     float density[SCATTERI_POINTS], depth[SCATTERI_POINTS]; /* depth from the eye */
     scatteri_points points;
+    double work[SCATTERI_WORKS]; /* done so far on these rays */
 } scatteri_nodes;
 
 /* How a light is seen from the rays: foot of the perpendicular and distance. */
@@ -3785,10 +3892,15 @@ SCATTERI_HOT static void scatteri_place_points(const scatteri_rays *rays, scatte
         }
 }
 
+static int scatteri_in_closed_form(const scatter_context *c, const scatteri_light *light)
+{
+    return c->twin || light->depth.method == SCATTER_DEPTH_CLOSED;
+}
+
 /* Gaussians alone in closed form are seen from the rays as a whole; all else asks where each point is. */
 static int scatteri_needs_points(const scatter_context *c, const scatteri_light *light)
 {
-    return light->depth.method != SCATTER_DEPTH_CLOSED || light->desc.kind == SCATTER_LIGHT_SPOT ||
+    return !scatteri_in_closed_form(c, light) || light->desc.kind == SCATTER_LIGHT_SPOT ||
            c->medium.desc.bounded || c->medium.has_analytic || c->medium.desc.grid_count > 0 ||
            c->scene.visible != NULL;
 }
@@ -3797,18 +3909,28 @@ static int scatteri_needs_points(const scatter_context *c, const scatteri_light 
 static void scatteri_light_depth(const scatter_context *c, const scatteri_light *light,
                                  const scatteri_rays *span, scatteri_nodes *n, float *depth)
 {
+    const double rows = (double)(n->count / SCATTERI_LANES);
+    int i;
     memset(depth, 0, (size_t)n->count * sizeof(float));
     if (scatteri_needs_points(c, light)) {
         scatteri_place_points(span, n);
         scatteri_face_source(&light->source, &c->medium.desc, n->count, &n->points);
     }
+    for (i = 0; i < n->count && c->medium.desc.grid_count > 0; i++)
+        n->points.length[i] = n->weight[i] > 0.0f ? n->points.length[i] : 0.0f;
+    n->work[SCATTERI_WORK_LIGHT] += rows;
     if (c->medium.has_analytic)
         scatteri_add_analytic(&c->medium.desc, n->count, &n->points, depth);
-    if (light->depth.method == SCATTER_DEPTH_CLOSED) {
+    if (scatteri_in_closed_form(c, light)) {
         scatteri_shadows shadows;
         scatteri_begin_shadows(&shadows, &c->medium, &light->source, span, c->trim.depth);
         scatteri_add_shadows(&shadows, span, n->count, n->t, &n->points, depth);
+        n->work[SCATTERI_WORK_GATHER] += 1.0;
+        n->work[SCATTERI_WORK_TEST] += scatteri_tests(&c->medium.gaussians);
+        n->work[SCATTERI_WORK_SHADOW] += rows * shadows.total;
+        n->work[SCATTERI_WORK_CROSSING] += rows * scatteri_crossings(&c->medium.desc);
     } else {
+        n->work[SCATTERI_WORK_READ] += rows;
         scatteri_read_depth(&light->depth, n->count, &n->points, depth);
     }
 }
@@ -3939,12 +4061,19 @@ static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth
 
 /* Widths 1/a of the narrowest Gaussian, or of a light's peak, in one panel. */
 #define SCATTERI_PANEL 10.0f
+#define SCATTERI_TWIN_PANEL 5.0f /* for the twin of the audit */
 /* Features of a light's own peak in a unit of u: measured beside lamps in dense media. */
 #define SCATTERI_PEAK 2.0f
 /* Distances of a light from a ray up to which its glow is followed on both sides: 5/6 of the light in even fog. */
 #define SCATTERI_GLOW 4.0f
 
-enum { SCATTERI_BINS = 32, SCATTERI_PROBES = 64, SCATTERI_BISECTIONS = 16, SCATTERI_PANELS = 64 };
+enum {
+    SCATTERI_BINS = 32,
+    SCATTERI_PROBES = 64,
+    SCATTERI_TWIN_PROBES = 256,
+    SCATTERI_BISECTIONS = 16,
+    SCATTERI_PANELS = 64
+};
 
 /* Lists of panels of 16 rays. */
 typedef struct scatteri_panels {
@@ -3967,6 +4096,7 @@ typedef struct scatteri_eye {
     const scatter_context *context;
     scatteri_rays rays; /* depth counts from rays.t0 */
     scatteri_page page;
+    int gathered;                                       /* Gaussians on the rays, in all pages */
     float hull0[SCATTERI_LANES], hull1[SCATTERI_LANES]; /* Gaussians, trimmed, reach the ray */
     float features[SCATTERI_LANES];                     /* most features a metre, see "panels" */
     int samples; /* cells of the profile: voxel depth along the rays */
@@ -4041,6 +4171,7 @@ static void scatteri_gather_eye(scatteri_eye *eye)
     eye->page.next = 0;
     do {
         scatteri_gather(&m->gaussians, &eye->rays, &slabs, eye->page.next, &eye->page);
+        eye->gathered += eye->page.count;
         scatteri_widen_hull(eye, m->sigma_most);
     } while (eye->page.next < m->gaussians.padded);
 }
@@ -4115,6 +4246,7 @@ static void scatteri_take_profile(scatteri_eye *eye)
         if (!scatteri_extend_profile(eye, i))
             break;
     eye->samples = i < samples ? i + 1 : samples;
+    eye->nodes.work[SCATTERI_WORK_VOXEL] += (double)eye->samples * c->field_count;
     for (l = 0; l < SCATTERI_LANES; l++) {
         eye->profile1[l] = eye->profile0[l] + (float)eye->samples * eye->step[l];
         eye->profile[eye->samples + 1][l] = eye->profile[eye->samples][l];
@@ -4157,6 +4289,13 @@ static void scatteri_fill_nodes(scatteri_eye *eye)
     const scatter_context *c = eye->context;
     const scatteri_rays *rays = &eye->rays;
     scatteri_nodes *n = &eye->nodes;
+    const double rows = (double)(n->count / SCATTERI_LANES);
+    n->work[SCATTERI_WORK_NODE] += rows;
+    n->work[SCATTERI_WORK_GAUSSIAN] += rows * eye->gathered;
+    if (!eye->page.complete) { /* gathered again */
+        n->work[SCATTERI_WORK_TEST] += scatteri_tests(&c->medium.gaussians);
+        n->work[SCATTERI_WORK_PAGE] += (double)eye->gathered;
+    }
     memset(n->density, 0, (size_t)n->count * sizeof(float));
     memset(n->depth, 0, (size_t)n->count * sizeof(float));
     if (c->exact && c->medium.gaussians.count > 0)
@@ -4254,6 +4393,7 @@ static void scatteri_add_light(scatteri_eye *eye, const scatteri_light *light,
     int i;
     scatteri_light_depth(c, light, span, n, depth);
     scatteri_scatter(light, map, c->medium.lobes, n, value);
+    n->work[SCATTERI_WORK_CALL] += probe ? (double)n->count : 0.0;
     for (i = 0; probe && i < n->count; i++) {
         const scatter_vec3 x = scatteri_v3(n->points.x[i], n->points.y[i], n->points.z[i]);
         if (value[i] > 0.0f && !scatteri_lit(c, light, scatteri_add(n->points.ref, x)))
@@ -4508,19 +4648,26 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
         bins->rate[b] = voxels * bins->stretch[b];
     if (c->medium.has_analytic)
         scatteri_rate_fog(&c->medium, &eye->rays, l, bins);
+    eye->nodes.work[SCATTERI_WORK_BIN] += (double)eye->page.count + 1.0;
     if (eye->page.complete)
         scatteri_rate_gaussians(&eye->page, l, c->medium.sigma_most, bins);
     for (b = 0; b < SCATTERI_BINS && !eye->page.complete; b++)
         bins->rate[b] = scatteri_max(bins->rate[b], eye->features[l] * bins->stretch[b]);
     if (eye->pass.cut != NULL && eye->pass.cut->in_rim)
         scatteri_rate_glow(&eye->pass.map, l, bins);
-    if (eye->pass.cut != NULL && eye->pass.cut->depth.method == SCATTER_DEPTH_CLOSED) {
+    if (eye->pass.cut != NULL && scatteri_in_closed_form(c, eye->pass.cut)) {
         scatteri_marks marks;
         scatteri_mark_bins(&eye->rays, l, &eye->pass.cut->source, bins, &marks);
         scatteri_rate_shadows(&eye->cast, &marks, bins);
+        eye->nodes.work[SCATTERI_WORK_BIN] += (double)eye->cast.count;
     }
     for (b = 0; b < SCATTERI_BINS && eye->pass.map.bent; b++)
         bins->rate[b] = bins->rate[b] > 0.0f ? scatteri_max(bins->rate[b], SCATTERI_PEAK) : 0.0f;
+}
+
+static float scatteri_panel(const scatter_context *c)
+{
+    return c->twin ? SCATTERI_TWIN_PANEL : SCATTERI_PANEL;
 }
 
 /* A run of bins that are not empty: panels of at most SCATTERI_PANEL widths of the narrowest feature in them, up to
@@ -4528,12 +4675,12 @@ static void scatteri_fill_bins(scatteri_eye *eye, int l, float ua, float ub, int
 static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins, int first,
                              int end, int cells)
 {
-    const float width = bins->width;
+    const float width = bins->width, panel = scatteri_panel(eye->context);
     float rate = 0.0f;
     int b, start = first, i, parts;
     for (b = first; b < end; b++) {
         const float with = scatteri_max(rate, bins->rate[b]);
-        if (b > start && with * width * (float)(b + 1 - start) > SCATTERI_PANEL) {
+        if (b > start && with * width * (float)(b + 1 - start) > panel) {
             scatteri_add_panel(eye, l, bins->u0 + (float)start * width, bins->u0 + (float)b * width,
                                cells);
             start = b;
@@ -4541,7 +4688,8 @@ static void scatteri_add_run(scatteri_eye *eye, int l, const scatteri_bins *bins
         } else {
             rate = with;
         }
-        parts = (int)scatteri_clamp(bins->rate[b] * width / SCATTERI_PANEL, 0.0f, 7.0f) + 1;
+        eye->nodes.work[SCATTERI_WORK_STRAIN] += bins->rate[b] * width > 8.0f * panel ? 1.0 : 0.0;
+        parts = (int)scatteri_clamp(bins->rate[b] * width / panel, 0.0f, 7.0f) + 1;
         for (i = 0; parts > 1 && i < parts; i++)
             scatteri_add_panel(eye, l, bins->u0 + ((float)b + (float)i / (float)parts) * width,
                                bins->u0 + ((float)b + (float)(i + 1) / (float)parts) * width,
@@ -4568,7 +4716,7 @@ static void scatteri_add_piece(scatteri_eye *eye, int l, float ta, float tb)
     int b = 0, end;
     if (!cells && !c->medium.has_analytic && !(c->medium.lobes.g1 > SCATTERI_NARROW) &&
         scatteri_max(eye->features[l] * (tb - ta),
-                     eye->pass.map.bent ? SCATTERI_PEAK * (ub - ua) : 0.0f) <= SCATTERI_PANEL) {
+                     eye->pass.map.bent ? SCATTERI_PEAK * (ub - ua) : 0.0f) <= scatteri_panel(c)) {
         scatteri_add_panel(eye, l, ua, ub, 0);
         return;
     }
@@ -4616,10 +4764,12 @@ static void scatteri_add_lit(scatteri_eye *eye, int l, float ta, float tb)
 {
     const float ua = scatteri_to_u(&eye->pass.map, l, ta),
                 ub = scatteri_to_u(&eye->pass.map, l, tb);
+    const int probes = eye->context->twin ? SCATTERI_TWIN_PROBES : SCATTERI_PROBES;
     float start = ta, before = ta;
     int probe, lit = 0, now;
-    for (probe = 0; probe < SCATTERI_PROBES; probe++) {
-        const float even = ((float)probe + 0.5f) / (float)SCATTERI_PROBES;
+    eye->nodes.work[SCATTERI_WORK_CALL] += probes;
+    for (probe = 0; probe < probes; probe++) {
+        const float even = ((float)probe + 0.5f) / (float)probes;
         const float at = eye->pass.map.bent ? even : even * even;
         const float t = scatteri_to_t(&eye->pass.map, l, ua + at * (ub - ua));
         now = scatteri_lit_at(eye, l, t) != 0;
@@ -4762,8 +4912,9 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
 /* The rule with as many nodes as `features` need; NULL if that is too many for one panel. */
 static const scatteri_rule *scatteri_rule_for(const scatter_context *c, float features)
 {
-    const int i = (int)scatteri_min((float)SCATTERI_EIGHTH * features / SCATTERI_PANEL, 1e6f);
-    const scatteri_rule *rule = i < SCATTERI_RULES ? &c->rules[i > 2 ? i : 2] : NULL;
+    const int need = (int)scatteri_min((float)SCATTERI_EIGHTH * features / SCATTERI_PANEL, 1e6f);
+    const int least = need > 2 ? need : 2, i = c->twin ? 2 * least + 1 : least;
+    const scatteri_rule *rule = i < SCATTERI_RULES ? &c->rules[i] : NULL;
     return rule != NULL && rule->count > 0 ? rule : NULL;
 }
 
@@ -4894,8 +5045,10 @@ static int scatteri_begin_eye(scatteri_eye *eye)
     const scatter_context *c = eye->context;
     int l, some = 0;
     eye->samples = 0;
-    eye->page.count = 0;
+    eye->page.count = eye->gathered = 0;
     eye->page.complete = 1;
+    memset(eye->nodes.work, 0, sizeof eye->nodes.work);
+    eye->nodes.work[SCATTERI_WORK_PACKET] = 1.0;
     memset(&eye->radiance, 0, sizeof eye->radiance);
     memset(eye->panels.count, 0, sizeof eye->panels.count);
     scatteri_cut_to_medium(&c->medium, &eye->rays);
@@ -4907,6 +5060,9 @@ static int scatteri_begin_eye(scatteri_eye *eye)
     }
     if (some && c->exact && c->medium.gaussians.count > 0)
         scatteri_gather_eye(eye);
+    eye->nodes.work[SCATTERI_WORK_PAGE] = (double)eye->gathered;
+    eye->nodes.work[SCATTERI_WORK_TEST] =
+        some && c->exact ? scatteri_tests(&c->medium.gaussians) : 0.0;
     for (l = 0; l < SCATTERI_LANES; l++) {
         eye->hull0[l] = scatteri_clamp(eye->hull0[l], eye->rays.t0[l], eye->rays.t1[l]);
         eye->hull1[l] = scatteri_clamp(eye->hull1[l], eye->hull0[l], eye->rays.t1[l]);
@@ -4929,6 +5085,7 @@ static void scatteri_march_block(scatteri_eye *eye, int first, int rows, float *
             n->cell[k * SCATTERI_LANES + l] = 0.0f;
         }
     scatteri_fill_nodes(eye);
+    n->work[SCATTERI_WORK_VOXEL] += (double)(rows * c->field_count);
     if (c->field_count > 0)
         scatteri_place_points(&eye->rays, n);
     for (f = 0; f < c->field_count; f++)
@@ -5044,6 +5201,17 @@ static scatter_vec3 scatteri_brdf(const scatter_surface *s, scatter_vec3 ray, sc
         cosine);
 }
 
+static float scatteri_depth_to(const scatter_context *c, const scatteri_light *light,
+                               scatter_vec3 x)
+{
+    scatter_depth exact;
+    if (!c->twin)
+        return scatter_depth_at(&light->depth, x);
+    exact = light->depth;
+    exact.method = SCATTER_DEPTH_CLOSED;
+    return scatter_depth_at(&exact, x);
+}
+
 /* Radiance that the surface point sends back along the ray, lit through the medium. */
 static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surface *hit,
                                    scatter_vec3 origin, scatter_vec3 ray)
@@ -5061,7 +5229,7 @@ static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surfa
         value = scatteri_scale(scatteri_mul(value, light->desc.intensity), fall);
         if (!(value.x > 0.0f || value.y > 0.0f || value.z > 0.0f) || !scatteri_lit(c, light, x))
             continue;
-        through = scatteri_transmittance(&c->medium, scatter_depth_at(&light->depth, x));
+        through = scatteri_transmittance(&c->medium, scatteri_depth_to(c, light, x));
         sum = scatteri_add(sum, scatteri_mul(value, through));
     }
     return sum;
@@ -5069,7 +5237,11 @@ static scatter_vec3 scatteri_shade(const scatter_context *c, const scatter_surfa
 
 /* ------------------------------------------------------------------------------------------- >>image */
 
-enum { SCATTERI_SIDE = 4, SCATTERI_TILE = 16 };
+enum {
+    SCATTERI_SIDE = 4,
+    SCATTERI_TILE = 16,
+    SCATTERI_SAMPLED = 64 /* tiles whose cost is counted at most, if it is asked for */
+};
 
 typedef struct scatteri_picture {
     const scatter_context *context;
@@ -5077,7 +5249,17 @@ typedef struct scatteri_picture {
     scatter_image image;
     int tile_x, tile_y; /* corner of the first tile */
     int across;         /* tiles in a row */
+    int sparse;         /* one ray of each packet speaks for it */
+    double *costs;      /* of every `stride`-th tile, ns; NULL: not asked for */
+    int tiles, stride;
 } scatteri_picture;
+
+/* What a packet shows. */
+typedef struct scatteri_seen {
+    scatter_vec3 rgb[SCATTERI_LANES], through[SCATTERI_LANES];
+    size_t at[SCATTERI_LANES];  /* number of the pixel */
+    int counts[SCATTERI_LANES]; /* pixels that the ray speaks for: 0 outside the region */
+} scatteri_seen;
 
 /* Ray number l of a packet; `end`: where a surface ends it. */
 static void scatteri_set_ray(scatteri_rays *rays, int l, scatter_vec3 origin,
@@ -5181,35 +5363,74 @@ static scatter_view scatteri_scaled_view(const scatter_view *view)
     return scaled;
 }
 
-/* 4x4 pixels. Those outside the region are computed with the others, so that a region has the same bits as the whole
-   image, but not written. */
-static void scatteri_render_packet(const scatteri_picture *job, int x, int y, scatteri_eye *eye)
+/* Where the pixels of a packet are, and which are in the region. */
+static void scatteri_locate(const scatteri_picture *job, int x, int y, scatteri_seen *seen)
 {
     const scatter_image *image = &job->image;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const int px = x + l % SCATTERI_SIDE, py = y + l / SCATTERI_SIDE;
+        seen->at[l] = (size_t)py * (size_t)image->width + (size_t)px;
+        seen->counts[l] = px >= image->x0 && px < image->x1 && py >= image->y0 && py < image->y1;
+    }
+}
+
+/* Lets one ray of the region speak for all, and shuts the others; another one in each packet. */
+static void scatteri_thin_out(int x, int y, scatteri_rays *rays, scatteri_seen *seen)
+{
+    int l, all = 0, left, one = -1;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        all += seen->counts[l];
+    left = (x / SCATTERI_SIDE * 7 + y / SCATTERI_SIDE * 5) % all;
+    for (l = 0; l < SCATTERI_LANES && one < 0; l++)
+        if (seen->counts[l] && left-- == 0)
+            one = l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        seen->counts[l] = l == one ? all : 0;
+        rays->t1[l] = l == one ? rays->t1[l] : 0.0f;
+    }
+}
+
+/* 4x4 pixels. Those outside the region are computed with the others, so that a region has the same bits as the whole
+   image. */
+static void scatteri_see(const scatteri_picture *job, int x, int y, scatteri_eye *eye,
+                         scatteri_seen *seen)
+{
     scatter_surface hits[SCATTERI_LANES];
     scatter_sample samples[SCATTERI_LANES];
     scatteri_rays rays;
-    int solid[SCATTERI_LANES], l, px, py;
+    int solid[SCATTERI_LANES], l;
     scatteri_aim(job, x, y, &rays);
     for (l = 0; l < SCATTERI_LANES; l++)
         solid[l] = scatteri_end_ray(job, x, y, l, &rays, &hits[l]);
+    scatteri_locate(job, x, y, seen);
+    if (job->sparse)
+        scatteri_thin_out(x, y, &rays, seen);
     eye->context = job->context;
     eye->rays = rays;
     scatteri_look(eye, samples);
     for (l = 0; l < SCATTERI_LANES; l++) {
-        size_t at;
         scatter_vec3 behind;
-        px = x + l % SCATTERI_SIDE;
-        py = y + l / SCATTERI_SIDE;
-        if (px < image->x0 || px >= image->x1 || py < image->y0 || py >= image->y1)
+        if (!seen->counts[l])
             continue;
-        at = (size_t)py * (size_t)image->width + (size_t)px;
-        behind = scatteri_behind(job, at, solid[l] ? &hits[l] : NULL, &rays, l);
-        scatteri_put(
-            image->rgb, at,
-            scatteri_add(samples[l].radiance, scatteri_mul(samples[l].transmittance, behind)));
+        behind = scatteri_behind(job, seen->at[l], solid[l] ? &hits[l] : NULL, &rays, l);
+        seen->through[l] = samples[l].transmittance;
+        seen->rgb[l] = scatteri_add(samples[l].radiance, scatteri_mul(seen->through[l], behind));
+    }
+}
+
+static void scatteri_render_packet(const scatteri_picture *job, int x, int y, scatteri_eye *eye)
+{
+    const scatter_image *image = &job->image;
+    scatteri_seen seen;
+    int l;
+    scatteri_see(job, x, y, eye, &seen);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        if (!seen.counts[l])
+            continue;
+        scatteri_put(image->rgb, seen.at[l], seen.rgb[l]);
         if (image->transmittance != NULL)
-            scatteri_put(image->transmittance, at, samples[l].transmittance);
+            scatteri_put(image->transmittance, seen.at[l], seen.through[l]);
     }
 }
 
@@ -5219,11 +5440,16 @@ static void scatteri_render_tile(void *data, int task)
     const int x0 = job->tile_x + task % job->across * SCATTERI_TILE;
     const int y0 = job->tile_y + task / job->across * SCATTERI_TILE;
     scatteri_eye eye;
+    double cost = 0.0;
     int x, y;
     for (y = y0; y < job->image.y1 && y < y0 + SCATTERI_TILE; y += SCATTERI_SIDE)
         for (x = x0; x < job->image.x1 && x < x0 + SCATTERI_TILE; x += SCATTERI_SIDE)
-            if (x + SCATTERI_SIDE > job->image.x0 && y + SCATTERI_SIDE > job->image.y0)
+            if (x + SCATTERI_SIDE > job->image.x0 && y + SCATTERI_SIDE > job->image.y0) {
                 scatteri_render_packet(job, x, y, &eye);
+                cost += job->costs != NULL ? scatteri_cost(eye.nodes.work) : 0.0;
+            }
+    if (job->costs != NULL && task % job->stride == 0)
+        job->costs[task / job->stride] = cost;
 }
 
 static scatter_result scatteri_render_tiles(scatteri_picture *job)
@@ -5235,7 +5461,9 @@ static scatter_result scatteri_render_tiles(scatteri_picture *job)
     job->tile_x = left * SCATTERI_TILE;
     job->tile_y = top * SCATTERI_TILE;
     job->across = wide;
-    return scatteri_parallel(&stage, wide * high, scatteri_render_tile, job);
+    job->tiles = wide * high;
+    job->stride = (job->tiles - 1) / SCATTERI_SAMPLED + 1;
+    return scatteri_parallel(&stage, job->tiles, scatteri_render_tile, job);
 }
 
 SCATTER_API float scatter_log_average(const float *rgb, size_t pixels)
@@ -5643,6 +5871,603 @@ static scatter_result scatteri_check_image(const scatter_host *host, const scatt
     return SCATTER_OK;
 }
 
+/* -------------------------------------------------------------------------------------------- >>plan
+   How wrong is an image, and what would it cost? The audit renders a sample of the image's packets (4x4 pixels) again,
+   by a better twin of the quality in use: depth and density in closed form, twice the nodes (four times the steps of a
+   march), four times the probes for shadows. Errors gather in few pixels, most of all next to lights. So half of the
+   sample is drawn evenly over the image, the rest near lights and where the picture is bright, and each packet counts
+   with the inverse of its probability (Hansen and Hurwitz 1943): the mean square error has no bias.
+   The plan changes the roles: a good twin is the reference, and ever dearer settings are tried against it. */
+
+enum {
+    SCATTERI_PICKS = 256, /* packets in a sample at most */
+    SCATTERI_LEAST = 8    /* draws without which no estimate is trusted */
+};
+
+/* What the audit may cost, of the image; 0.3 are promised, the rest is for weights that are not exact. */
+#define SCATTERI_AUDIT_SHARE 0.15
+/* An estimate beyond this is no longer one: the twin is in doubt as well. */
+#define SCATTERI_ASTRAY 0.2f
+
+/* One packet of the sample. */
+typedef struct scatteri_pick {
+    int x, y;           /* its first pixel */
+    int times;          /* how often it was drawn */
+    double probability; /* of one draw */
+    double square, sum; /* over pixels and channels: squared difference, and value */
+    double work[SCATTERI_WORKS];
+} scatteri_pick;
+
+typedef struct scatteri_audit {
+    scatteri_picture job;        /* of the twin; image.rgb holds what is compared with */
+    int rendered;                /* the image holds a picture, not only what is compared with */
+    double nearness, brightness; /* to lights, of the picture: sums over all packets */
+    int packets;                 /* of the image */
+    int first, count;            /* picks: those before `first` are done */
+    double draws;
+    scatteri_pick picks[SCATTERI_PICKS];
+} scatteri_audit;
+
+/* --- the sample --- */
+
+/* How near a ray passes a local light, 1 at it; `half`: half a packet's width, per metre of distance. */
+static double scatteri_nearness_to(const scatteri_light *light, scatter_ray ray, float half)
+{
+    const scatter_vec3 to = scatteri_sub(light->desc.position, ray.origin);
+    const float along = scatteri_max(scatteri_dot(to, ray.direction), 0.0f);
+    const scatter_vec3 off = scatteri_sub(to, scatteri_scale(ray.direction, along));
+    const double w2 = (double)(along * half) * (double)(along * half);
+    const double near = w2 / (w2 + (double)scatteri_dot(off, off) + 1e-30);
+    return light->source.directional ? 0.0 : near * near;
+}
+
+static double scatteri_nearness(const scatteri_picture *job, int x, int y)
+{
+    const scatter_view *v = &job->view;
+    const float across = 1.0f / (float)job->image.width, down = 1.0f / (float)job->image.height;
+    const float side = 0.5f * (float)SCATTERI_SIDE;
+    const scatter_ray ray =
+        scatter_view_ray(v, ((float)x + side) * across, ((float)y + side) * down);
+    const float half =
+        0.5f * side *
+        (scatteri_length(v->direction_dx) * across + scatteri_length(v->direction_dy) * down);
+    double sum = 0.0;
+    int i;
+    for (i = 0; i < job->context->light_count; i++)
+        sum += scatteri_nearness_to(&job->context->lights[i], ray, half);
+    return sum;
+}
+
+/* Of the picture in a packet, from its diagonal; 0 if there is no picture yet. */
+static double scatteri_brightness(const scatteri_audit *audit, int x, int y)
+{
+    const scatter_image *image = &audit->job.image;
+    double sum = 0.0;
+    int i;
+    for (i = 0; i < SCATTERI_SIDE && audit->rendered; i++) {
+        const int px = scatteri_clamp_int(x + i, image->x0, image->x1 - 1);
+        const int py = scatteri_clamp_int(y + i, image->y0, image->y1 - 1);
+        const float *rgb = image->rgb + 3 * ((size_t)py * (size_t)image->width + (size_t)px);
+        const float bright = rgb[0] + rgb[1] + rgb[2];
+        sum += bright > 0.0f && bright < SCATTERI_FAR ? (double)bright : 0.0;
+    }
+    return sum;
+}
+
+/* `rendered`: the image holds a picture, whose bright packets are drawn more often. */
+static void scatteri_begin_audit(scatteri_audit *audit, const scatteri_picture *job, int rendered)
+{
+    const scatter_image *image = &job->image;
+    int x, y;
+    audit->job = *job;
+    audit->rendered = rendered;
+    audit->nearness = audit->brightness = audit->draws = 0.0;
+    audit->first = audit->count = audit->packets = 0;
+    for (y = image->y0 - image->y0 % SCATTERI_SIDE; y < image->y1; y += SCATTERI_SIDE)
+        for (x = image->x0 - image->x0 % SCATTERI_SIDE; x < image->x1; x += SCATTERI_SIDE) {
+            audit->nearness += scatteri_nearness(job, x, y);
+            audit->brightness += scatteri_brightness(audit, x, y);
+            audit->packets++;
+        }
+}
+
+/* Draws `draws` packets: at even distances of the running sum of their probabilities, so they spread over the image. */
+static void scatteri_draw(scatteri_audit *audit, int draws)
+{
+    const scatter_image *image = &audit->job.image;
+    const double even = audit->packets, some = audit->rendered ? 0.5 * even : even;
+    const double near = some / scatteri_larger(audit->nearness, 1.0);
+    const double bright = audit->brightness > 0.0 ? some / audit->brightness : 0.0;
+    const double all = even + near * audit->nearness + bright * audit->brightness;
+    const double step = all / draws;
+    double running = 0.0, next = 0.5 * step;
+    int x, y, times;
+    audit->draws += draws;
+    for (y = image->y0 - image->y0 % SCATTERI_SIDE; y < image->y1; y += SCATTERI_SIDE)
+        for (x = image->x0 - image->x0 % SCATTERI_SIDE; x < image->x1; x += SCATTERI_SIDE) {
+            const double share = 1.0 + near * scatteri_nearness(&audit->job, x, y) +
+                                 bright * scatteri_brightness(audit, x, y);
+            running += share;
+            for (times = 0; running > next; times++)
+                next += step;
+            if (times > 0 && audit->count < SCATTERI_PICKS) {
+                scatteri_pick *pick = &audit->picks[audit->count++];
+                pick->x = x;
+                pick->y = y;
+                pick->times = times;
+                pick->probability = share / all;
+            }
+        }
+}
+
+/* Adds a pixel that speaks for `count`, and what the image holds there. */
+static void scatteri_compare(scatteri_pick *pick, scatter_vec3 rgb, const float *had, int count)
+{
+    const double r = (double)rgb.x, g = (double)rgb.y, b = (double)rgb.z;
+    const double dr = r - (double)had[0], dg = g - (double)had[1], db = b - (double)had[2];
+    pick->square += count * (dr * dr + dg * dg + db * db);
+    pick->sum += count * (r + g + b);
+}
+
+/* Renders a pick and compares it with the image. Voxels cost much in closed form: then one pixel speaks for the
+   packet. */
+static void scatteri_try_pick(void *data, int index)
+{
+    scatteri_audit *audit = (scatteri_audit *)data;
+    scatteri_pick *pick = &audit->picks[audit->first + index];
+    const scatteri_picture *job = &audit->job;
+    scatteri_seen seen;
+    scatteri_eye eye;
+    int l;
+    eye.context = job->context;
+    scatteri_see(job, pick->x, pick->y, &eye, &seen);
+    memcpy(pick->work, eye.nodes.work, sizeof pick->work);
+    pick->square = pick->sum = 0.0;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        if (seen.counts[l] > 0)
+            scatteri_compare(pick, seen.rgb[l], job->image.rgb + 3 * seen.at[l], seen.counts[l]);
+}
+
+/* --- what the sample says --- */
+
+/* How many packets of the image a pick speaks for. */
+static double scatteri_weight(const scatteri_audit *audit, const scatteri_pick *pick)
+{
+    return pick->times / (audit->draws * pick->probability);
+}
+
+static double scatteri_values(const scatter_image *i)
+{
+    return 3.0 * (i->x1 - i->x0) * (i->y1 - i->y0);
+}
+
+/* Variance of the sum of squared errors. A packet that is drawn for sure adds none. */
+static double scatteri_variance(const scatteri_audit *audit)
+{
+    double mean = 0.0, variance = 0.0, chance = 0.0;
+    int i, pass;
+    for (pass = 0; pass < 2; pass++)
+        for (i = 0; i < audit->count; i++) {
+            const scatteri_pick *pick = &audit->picks[i];
+            const double expected = audit->draws * pick->probability;
+            const double value = pick->square / expected;
+            if (expected >= 1.0)
+                continue;
+            if (pass == 0) {
+                mean += value;
+                chance += 1.0;
+            } else {
+                variance += (1.0 - expected) * (value - mean / chance) * (value - mean / chance);
+            }
+        }
+    return chance > 1.0 ? variance * chance / (chance - 1.0) : variance;
+}
+
+static scatter_estimate scatteri_judge(const scatteri_audit *audit)
+{
+    double square = 0.0, sum = 0.0;
+    scatter_estimate estimate = {0.0f, 0.0f, 0};
+    int i;
+    for (i = 0; i < audit->count; i++) {
+        const scatteri_pick *pick = &audit->picks[i];
+        square += scatteri_weight(audit, pick) * pick->square;
+        sum += scatteri_weight(audit, pick) * pick->sum;
+    }
+    if (sum > 0.0)
+        estimate.error = (float)(sqrt(square * scatteri_values(&audit->job.image)) / sum);
+    if (square > 0.0)
+        estimate.uncertainty =
+            (float)(0.5 * sqrt(scatteri_variance(audit)) / square) * estimate.error;
+    estimate.trusted = audit->draws >= (double)SCATTERI_LEAST && estimate.error < SCATTERI_ASTRAY &&
+                       estimate.uncertainty <= 0.5f * estimate.error + 1e-5f;
+    return estimate;
+}
+
+/* Work on the whole image, as far as the sample tells. */
+static void scatteri_sum_work(const scatteri_audit *audit, double *work)
+{
+    int i, k;
+    for (k = 0; k < SCATTERI_WORKS; k++)
+        work[k] = 0.0;
+    for (i = 0; i < audit->count; i++)
+        for (k = 0; k < SCATTERI_WORKS; k++)
+            work[k] += scatteri_weight(audit, &audit->picks[i]) * audit->picks[i].work[k];
+}
+
+/* --- the estimate of a rendered image --- */
+
+/* Whether a ray of the sample had more features than nodes. */
+static int scatteri_strained(const scatteri_audit *audit)
+{
+    int i, strained = 0;
+    for (i = 0; i < audit->count; i++)
+        strained |= audit->picks[i].work[SCATTERI_WORK_STRAIN] > 0.0;
+    return strained;
+}
+
+/* Whether a volume's cells are five times as wide as a Gaussian that matters: a sample may well have missed it. */
+static int scatteri_too_coarse(const scatter_context *c)
+{
+    const scatter_vec3 size = scatteri_sub(c->medium.local.max, c->medium.local.min);
+    const float cell = scatteri_max(size.x, scatteri_max(size.y, size.z)) / (float)c->quality.grid;
+    const scatteri_gaussians *g = &c->medium.gaussians;
+    int i;
+    if (c->exact && c->quality.depth == SCATTER_DEPTH_CLOSED)
+        return 0;
+    for (i = 0; i < g->count; i++)
+        if (g->a[i] * cell > 5.0f && c->medium.sigma_most * g->c[i] > 1e-3f * g->a[i])
+            return 1;
+    return 0;
+}
+
+/* Nanoseconds of the image, from the tiles that were counted. */
+static double scatteri_image_cost(const scatteri_picture *job)
+{
+    const int counted = (job->tiles - 1) / job->stride + 1;
+    double sum = 0.0;
+    int i;
+    for (i = 0; i < counted; i++)
+        sum += job->costs[i];
+    return sum * job->tiles / counted;
+}
+
+static void scatteri_make_twin(const scatter_context *c, scatter_context *twin)
+{
+    const int march = c->quality.ray == SCATTER_RAY_MARCH;
+    *twin = *c;
+    twin->twin = 1;
+    twin->quality.nodes = scatteri_clamp_int(c->quality.nodes * (march ? 4 : 2), 1, SCATTERI_STEPS);
+    twin->trim.rays = twin->trim.depth = 0.0f;
+    twin->exact = 1;
+    twin->fields = c->medium.fields;
+    twin->field_count = (int)c->medium.desc.grid_count;
+}
+
+/* Nanoseconds that the sample took. Voxels on the way to lights were crossed by one ray only of a sparse packet, which
+   costs about an eighth of 16. */
+static double scatteri_sample_cost(const scatteri_audit *audit)
+{
+    const double crossed = audit->job.sparse ? 0.125 : 1.0;
+    double sum = 0.0;
+    int i;
+    for (i = 0; i < audit->count; i++) {
+        double work[SCATTERI_WORKS];
+        memcpy(work, audit->picks[i].work, sizeof work);
+        work[SCATTERI_WORK_CROSSING] *= crossed;
+        sum += scatteri_cost(work);
+    }
+    return sum;
+}
+
+/* How many packets may be drawn next: those so far tell what one costs, but may have met nothing but sky, so their
+   number is doubled at most. */
+static int scatteri_affordable(const scatteri_audit *audit, double image_cost)
+{
+    const double spent = scatteri_larger(scatteri_sample_cost(audit), 1.0);
+    const double share = (SCATTERI_AUDIT_SHARE * image_cost - spent) * audit->count / spent;
+    const int room = SCATTERI_PICKS - audit->count;
+    return (int)scatteri_smaller(share, room < audit->count ? room : audit->count);
+}
+
+/* A first small draw tells the cost of a twin packet, more follow until the share is spent. */
+static scatter_result scatteri_audit_image(const scatteri_picture *job)
+{
+    const scatteri_stage stage = {&job->context->host, 1.0f, 1.0f};
+    scatter_context twin;
+    scatteri_audit audit;
+    scatter_result result = SCATTER_OK;
+    int draws;
+    scatteri_make_twin(job->context, &twin);
+    scatteri_begin_audit(&audit, job, 1);
+    audit.job.context = &twin;
+    audit.job.sparse = twin.field_count > 0;
+    draws = scatteri_clamp_int(audit.packets / 64, 1, 8);
+    while (draws > 0 && result == SCATTER_OK) {
+        audit.first = audit.count;
+        scatteri_draw(&audit, draws);
+        result = scatteri_parallel(&stage, audit.count - audit.first, scatteri_try_pick, &audit);
+        draws = scatteri_affordable(&audit, scatteri_image_cost(job));
+    }
+    if (result != SCATTER_OK)
+        return result;
+    *job->image.estimate = scatteri_judge(&audit);
+    job->image.estimate->trusted &=
+        !scatteri_strained(&audit) && !scatteri_too_coarse(job->context);
+    return SCATTER_OK;
+}
+
+/* --- the search --- */
+
+/* Settings of one kind of ray in order of cost. */
+enum { SCATTERI_LADDER = 9, SCATTERI_GRIDS = 7 };
+static const int scatteri_ladder[2][SCATTERI_LADDER] = {{4, 6, 8, 12, 16, 24, 32, 48, 64},
+                                                        {8, 16, 32, 48, 64, 96, 128, 256, 512}};
+static const int scatteri_grids[SCATTERI_GRIDS] = {32, 48, 64, 96, 128, 192, 256};
+
+/* Nodes of the reference, doubled by its being a twin. */
+#define SCATTERI_BEST_NODES 32
+
+typedef struct scatteri_planner {
+    scatter_host host; /* of the caller; that of the context reports no progress */
+    int pilots;
+    scatter_context *context;
+    const scatter_scene *scene;
+    float budget;
+    double spent; /* ns, so far */
+    scatter_forecast best;
+    double best_cost;            /* ns, of setup and one image; 0: none yet */
+    double work[SCATTERI_WORKS]; /* of the image, by the last pilot */
+    scatteri_audit audit;
+} scatteri_planner;
+
+/* Whether a setting surely costs more than one that keeps the budget. */
+static int scatteri_too_dear(const scatteri_planner *p, double cost)
+{
+    return p->best.kept && cost >= p->best_cost;
+}
+
+/* Gaussians that reach 16 columns of a volume. */
+static int scatteri_count_column(const scatter_context *c, const scatter_depth *d, int i, int j,
+                                 scatteri_shells *shells)
+{
+    const scatteri_gaussians *g = &c->medium.gaussians;
+    scatteri_slabs slabs;
+    int sum = 0;
+    scatteri_columns(d, i, j, &shells->rays);
+    scatteri_cut_columns(d, &shells->rays);
+    slabs = scatteri_slabs_of_rays(&shells->rays);
+    shells->page.trim.rays = shells->page.trim.depth = 0.0f;
+    for (shells->page.next = 0; shells->page.next < g->padded; sum += shells->page.count)
+        scatteri_gather(g, &shells->rays, &slabs, shells->page.next, &shells->page);
+    return sum;
+}
+
+/* Adds the work of filling a volume, from a sample of its columns. What does not fit into one page is gathered again
+   for every 16 shells; voxels are sampled several times on the way from shell to shell. */
+static void scatteri_count_columns(const scatter_context *c, const scatteri_light *light, int n,
+                                   double *work)
+{
+    scatter_depth d = light->depth;
+    double pairs = 0.0, pages = 0.0, gathers = 0.0, share;
+    scatteri_shells shells;
+    int i, rows;
+    d.medium = &c->medium;
+    d.source = light->source;
+    d.method = SCATTER_DEPTH_POLAR;
+    scatteri_lay_out(&d, n);
+    rows = (d.nx - 1) / SCATTERI_LANES + 1;
+    for (i = 0; i < SCATTERI_SAMPLED; i++) {
+        const int j = (2 * i + 1) * d.ny / (2 * SCATTERI_SAMPLED);
+        const int found = scatteri_count_column(c, &d, i * 7 % rows * SCATTERI_LANES, j, &shells);
+        const double again = found > SCATTERI_PAGE ? (double)((d.nz - 1) / SCATTERI_ROWS + 1) : 1.0;
+        pairs += (double)found * d.nz;
+        pages += found * again;
+        gathers += again;
+    }
+    share = (double)rows * d.ny / (double)SCATTERI_SAMPLED;
+    work[SCATTERI_WORK_TEST] += share * gathers * scatteri_tests(&c->medium.gaussians);
+    work[SCATTERI_WORK_PAGE] += share * pages;
+    work[SCATTERI_WORK_GAUSSIAN] += share * pairs;
+    work[SCATTERI_WORK_CELL] +=
+        (double)rows * d.ny * d.nz * (1.0 + 10.0 * (double)c->medium.desc.grid_count);
+}
+
+/* Nanoseconds of scatter_update in a fresh context, without what all settings share. */
+static double scatteri_setup_cost(const scatter_context *c, const scatter_quality *q)
+{
+    const double n = (double)q->nodes;
+    double work[SCATTERI_WORKS] = {0.0};
+    int i;
+    if (q->ray == SCATTER_RAY_QUADRATURE)
+        work[SCATTERI_WORK_RULE] = n * n;
+    for (i = 0; i < c->light_count && q->depth == SCATTER_DEPTH_POLAR; i++)
+        scatteri_count_columns(c, &c->lights[i], q->grid, work);
+    if (q->density == SCATTER_DENSITY_VOLUME)
+        work[SCATTERI_WORK_CELL] += (double)q->grid * q->grid * q->grid / (double)SCATTERI_LANES;
+    return scatteri_cost(work);
+}
+
+/* Tells the host that something was done; it may cancel. How much is left nobody knows. */
+static scatter_result scatteri_report(scatteri_planner *p)
+{
+    const float fraction = 1.0f - 4.0f / (4.0f + (float)p->pilots);
+    p->pilots++;
+    if (p->host.progress != NULL && p->host.progress(p->host.user, fraction) != 0)
+        return scatteri_fail(&p->host, SCATTER_CANCELLED, "host.progress cancelled");
+    return SCATTER_OK;
+}
+
+static void scatteri_render_pick(void *data, int index)
+{
+    scatteri_audit *audit = (scatteri_audit *)data;
+    scatteri_pick *pick = &audit->picks[index];
+    scatteri_eye eye;
+    scatteri_render_packet(&audit->job, pick->x, pick->y, &eye);
+    memcpy(pick->work, eye.nodes.work, sizeof pick->work);
+}
+
+/* Draws the sample and puts the reference into the image. */
+static scatter_result scatteri_prepare_sample(scatteri_planner *p, const scatteri_picture *job)
+{
+    const scatteri_stage stage = {&p->context->host, 1.0f, 1.0f};
+    scatter_quality quality;
+    scatter_result result = scatteri_report(p);
+    memset(&quality, 0, sizeof quality);
+    quality.depth = SCATTER_DEPTH_CLOSED;
+    quality.density = SCATTER_DENSITY_EXACT;
+    quality.nodes = SCATTERI_BEST_NODES;
+    if (result == SCATTER_OK)
+        result = scatter_update(p->context, p->scene, &quality);
+    if (result != SCATTER_OK)
+        return result;
+    p->context->twin = 1;
+    p->context->quality.nodes *= 2;
+    scatteri_begin_audit(&p->audit, job, 0);
+    p->audit.job.sparse = p->context->field_count > 0;
+    scatteri_draw(&p->audit, scatteri_clamp_int(p->audit.packets / 4, 32, SCATTERI_PICKS));
+    result = scatteri_parallel(&stage, p->audit.count, scatteri_render_pick, &p->audit);
+    p->spent += scatteri_sample_cost(&p->audit);
+    return result;
+}
+
+/* Renders the sample with these settings and compares it with the reference, which the image holds. */
+static scatter_result scatteri_pilot(scatteri_planner *p, const scatter_quality *quality,
+                                     scatter_forecast *out)
+{
+    const scatteri_stage stage = {&p->context->host, 1.0f, 1.0f};
+    double setup;
+    scatter_result result = scatteri_report(p);
+    if (result == SCATTER_OK)
+        result = scatter_update(p->context, p->scene, quality);
+    if (result != SCATTER_OK)
+        return result;
+    result = scatteri_parallel(&stage, p->audit.count, scatteri_try_pick, &p->audit);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_sum_work(&p->audit, p->work);
+    setup = scatteri_setup_cost(p->context, quality);
+    out->quality = *quality;
+    out->estimate = scatteri_judge(&p->audit);
+    out->estimate.trusted &= !scatteri_too_coarse(p->context);
+    out->kept = out->estimate.error + 2.0f * out->estimate.uncertainty <= p->budget;
+    out->setup_ms = (float)(1e-6 * setup);
+    out->image_ms = (float)(1e-6 * scatteri_cost(p->work));
+    p->spent += setup + scatteri_sample_cost(&p->audit);
+    return SCATTER_OK;
+}
+
+/* Takes a setting if it is the cheapest that keeps the budget, or the most accurate as long as none does. */
+static void scatteri_consider(scatteri_planner *p, const scatter_forecast *f)
+{
+    const double cost = 1e6 * ((double)f->setup_ms + (double)f->image_ms);
+    const int better = p->best.kept ? f->kept && cost < p->best_cost
+                                    : f->kept || f->estimate.error < p->best.estimate.error;
+    if (p->best_cost > 0.0 && !better)
+        return;
+    p->best = *f;
+    p->best_cost = cost;
+}
+
+/* Nanoseconds of an image if its depths came from volumes. */
+static double scatteri_volume_cost(const double *work)
+{
+    double with[SCATTERI_WORKS];
+    memcpy(with, work, sizeof with);
+    with[SCATTERI_WORK_SHADOW] = with[SCATTERI_WORK_CROSSING] = 0.0;
+    with[SCATTERI_WORK_TEST] = with[SCATTERI_WORK_GATHER] = 0.0;
+    with[SCATTERI_WORK_READ] = with[SCATTERI_WORK_LIGHT];
+    return scatteri_cost(with);
+}
+
+/* Depth in closed form with ever more nodes, until the budget is kept, or more nodes do not help, or what follows is
+   too dear even if volumes replace the closed form. Returns the step in *kept, or -1. */
+static scatter_result scatteri_climb(scatteri_planner *p, scatter_quality *quality, int *kept)
+{
+    float before = FLT_MAX;
+    int i, stuck = 0;
+    *kept = -1;
+    for (i = 0; i < SCATTERI_LADDER && *kept < 0 && stuck < 2; i++) {
+        scatter_forecast f;
+        scatter_result result;
+        quality->nodes = scatteri_ladder[quality->ray == SCATTER_RAY_MARCH][i];
+        result = scatteri_pilot(p, quality, &f);
+        if (result != SCATTER_OK)
+            return result;
+        scatteri_consider(p, &f);
+        *kept = f.kept ? i : -1;
+        stuck = before < SCATTERI_ASTRAY && f.estimate.error > 0.95f * before ? stuck + 1 : 0;
+        before = f.estimate.error;
+        if (scatteri_too_dear(p, scatteri_volume_cost(p->work)))
+            break;
+    }
+    return SCATTER_OK;
+}
+
+/* Depth in volumes of ever more cells, with the nodes that closed form needed. Grids that are too coarse even if errors
+   fall with the square of the cells are left out. */
+static scatter_result scatteri_try_volumes(scatteri_planner *p, scatter_quality quality)
+{
+    const double rays = scatteri_volume_cost(p->work);
+    float need = 0.0f;
+    int i;
+    quality.depth = SCATTER_DEPTH_POLAR;
+    for (i = 0; i < SCATTERI_GRIDS; i++) {
+        scatter_forecast f;
+        scatter_result result;
+        quality.grid = scatteri_grids[i];
+        if ((float)quality.grid < need)
+            continue;
+        if (scatteri_too_dear(p, rays + scatteri_setup_cost(p->context, &quality)))
+            break;
+        result = scatteri_pilot(p, &quality, &f);
+        if (result != SCATTER_OK)
+            return result;
+        scatteri_consider(p, &f);
+        if (f.kept)
+            break;
+        need = (float)quality.grid * scatteri_sqrt(f.estimate.error / p->budget);
+    }
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_search(scatteri_planner *p, scatter_density_method density)
+{
+    scatter_result result = SCATTER_OK;
+    int ray, kept;
+    for (ray = 0; ray < 2 && result == SCATTER_OK; ray++) {
+        scatter_quality quality;
+        memset(&quality, 0, sizeof quality);
+        quality.depth = SCATTER_DEPTH_CLOSED;
+        quality.density = density;
+        quality.ray = ray ? SCATTER_RAY_MARCH : SCATTER_RAY_QUADRATURE;
+        quality.grid = scatteri_choose_grid(0, &p->scene->medium);
+        result = scatteri_climb(p, &quality, &kept);
+        if (result == SCATTER_OK && kept >= 0 && p->context->medium.has_local)
+            result = scatteri_try_volumes(p, quality);
+    }
+    return result;
+}
+
+/* The reference, then all that is worth trying. */
+static scatter_result scatteri_plan(scatteri_planner *p, const scatteri_picture *job)
+{
+    scatter_result result = scatteri_prepare_sample(p, job);
+    int strained, many;
+    if (result != SCATTER_OK)
+        return result;
+    many = p->scene->medium.gaussian_count > 2048;
+    strained = scatteri_strained(&p->audit);
+    if (many)
+        result = scatteri_search(p, SCATTER_DENSITY_VOLUME);
+    if (result == SCATTER_OK && (!many || !p->best.kept))
+        result = scatteri_search(p, SCATTER_DENSITY_EXACT);
+    p->best.estimate.trusted &= !strained;
+    p->best.planning_ms = (float)(1e-6 * p->spent);
+    if (result == SCATTER_OK && p->host.progress != NULL)
+        (void)p->host.progress(p->host.user, 1.0f);
+    return result;
+}
+
 /* ------------------------------------------------------------------------------------------ >>public */
 
 SCATTER_API scatter_vec3 scatter_v3(float x, float y, float z)
@@ -6004,6 +6829,7 @@ SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scen
     scatteri_update_trim(c);
     scatteri_choose_fields(c);
     c->scene = *scene;
+    c->twin = 0;
     c->ready = 1;
     return SCATTER_OK;
 }
@@ -6070,25 +6896,73 @@ SCATTER_API scatter_result scatter_radiance(const scatter_context *c, const scat
     return SCATTER_OK;
 }
 
+/* Checks view and image, and completes the region. */
+static scatter_result scatteri_begin_picture(const scatter_host *host, const scatter_view *view,
+                                             const scatter_image *image, scatteri_picture *job)
+{
+    memset(job, 0, sizeof *job);
+    if (!scatteri_check_view(host, view))
+        return SCATTER_BAD_ARGUMENT;
+    if (image == NULL)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "image is NULL, it must point to a scatter_image");
+    job->view = scatteri_scaled_view(view);
+    job->image = *image;
+    if (image->x0 == 0 && image->y0 == 0 && image->x1 == 0 && image->y1 == 0) {
+        job->image.x1 = image->width;
+        job->image.y1 = image->height;
+    }
+    return scatteri_check_image(host, &job->image);
+}
+
 SCATTER_API scatter_result scatter_render(const scatter_context *c, const scatter_view *view,
                                           const scatter_image *image)
 {
+    double costs[SCATTERI_SAMPLED];
     scatteri_picture job;
     scatter_result result;
-    if (!scatteri_ready(c) || !scatteri_check_view(&c->host, view))
+    if (!scatteri_ready(c))
         return SCATTER_BAD_ARGUMENT;
-    if (image == NULL)
-        return scatteri_fail(&c->host, SCATTER_BAD_ARGUMENT,
-                             "image is NULL, it must point to a scatter_image");
+    result = scatteri_begin_picture(&c->host, view, image, &job);
+    if (result != SCATTER_OK)
+        return result;
     job.context = c;
-    job.view = scatteri_scaled_view(view);
-    job.image = *image;
-    if (image->x0 == 0 && image->y0 == 0 && image->x1 == 0 && image->y1 == 0) {
-        job.image.x1 = image->width;
-        job.image.y1 = image->height;
-    }
-    result = scatteri_check_image(&c->host, &job.image);
-    return result == SCATTER_OK ? scatteri_render_tiles(&job) : result;
+    job.costs = image->estimate != NULL ? costs : NULL;
+    result = scatteri_render_tiles(&job);
+    return result == SCATTER_OK && image->estimate != NULL ? scatteri_audit_image(&job) : result;
+}
+
+SCATTER_API scatter_result scatter_plan(const scatter_host *host, const scatter_scene *scene,
+                                        const scatter_view *view, const scatter_image *image,
+                                        float budget, scatter_forecast *forecast)
+{
+    scatter_host h = scatteri_host_or_default(host);
+    scatteri_planner planner;
+    scatteri_picture job;
+    scatter_result result;
+    memset(&planner, 0, sizeof planner);
+    planner.host = h;
+    h.progress = NULL;
+    if (forecast == NULL)
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT,
+                             "forecast is NULL, it must point to a scatter_forecast");
+    if (!(budget >= 1e-5f && budget <= 1.0f))
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT, "budget is %g, it must be 1e-5..1",
+                             (double)budget);
+    result = scatteri_begin_picture(&h, view, image, &job);
+    if (result == SCATTER_OK)
+        result = scatter_create(&h, &planner.context);
+    if (result != SCATTER_OK)
+        return result;
+    job.context = planner.context;
+    job.image.transmittance = NULL;
+    planner.scene = scene;
+    planner.budget = budget;
+    result = scatteri_plan(&planner, &job);
+    if (result == SCATTER_OK)
+        *forecast = planner.best;
+    scatter_destroy(planner.context);
+    return result;
 }
 
 #endif /* SCATTER_IMPLEMENTED */

@@ -26,6 +26,7 @@
 #include "isa.h"
 #include "papers.h"
 #include "peers.h"
+#include "plans.h"
 #include "promises.h"
 #include "rays.h"
 #include "report.h"
@@ -58,6 +59,7 @@ static const benchmark benchmarks[] = {
     {"promises", promises_run, NULL, LEVEL_TEST},      /* allocations, bits */
     {"specialised", special_run, NULL, LEVEL_FULL},    /* only what a scene needs */
     {"tables", tables_run, NULL, LEVEL_FULL},          /* how Giroud and Biri's tables scale */
+    {"plans", plans_run, NULL, LEVEL_FULL},            /* predicted against measured */
     {"papers", papers_run, NULL, LEVEL_FULL},          /* the papers' ways at 1 % */
     {"peers", peers_run, "docs/peers.md", LEVEL_FULL}, /* POV-Ray, vdb_render: bench-peers */
     {"fronts", fronts_run, NULL, LEVEL_TEST}           /* charts */

@@ -27,7 +27,7 @@ int main(void) {
     scatter_context *fog = NULL;
     scatter_vec3 eye = scatter_v3(0, 0, 6), up = scatter_v3(0, 1, 0);
     scatter_view view = scatter_view_perspective(eye, scatter_v3(0, 0, 0), up, 0.6f, 1);
-    scatter_image image = {SIZE, SIZE, 0, 0, 0, 0, rgb, NULL, NULL, NULL};
+    scatter_image image = {SIZE, SIZE, 0, 0, 0, 0, rgb, NULL, NULL, NULL, NULL};
     FILE *out = fopen("fog.ppm", "wb");
     if (!out || scatter_create(NULL, &fog) || scatter_update(fog, &scene, NULL) ||
         scatter_render(fog, &view, &image))

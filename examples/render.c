@@ -20,6 +20,7 @@ static const char usage[] =
     "  --density METHOD  auto exact volume\n"
     "  --nodes N         per panel of the quadrature, or steps of the march (16)\n"
     "  --grid N          cells along each axis of depth and density volumes (0: as the scene needs)\n"
+    "  --budget E        1% or 0.01: chooses those five so that the relative RMSE stays below\n"
     "  --threads N       default: one for each processor\n"
     "  --repeat N        measure N times and report medians (1)\n"
     "  --reference FILE  .pfm to compare with\n"
@@ -32,6 +33,8 @@ typedef struct options {
     int width, height; /* 0: the scene's */
     int threads, repeat, json;
     scatter_quality quality;
+    float budget;              /* relative RMSE; 0: none, the quality is as asked for */
+    scatter_forecast forecast; /* for the budget */
 } options;
 
 /* "scatter-render: sentence" to the error output; returns `status`. */
@@ -72,6 +75,20 @@ static int size_option(options *o, const char *text) {
     return 0;
 }
 
+/* A share, or percent with a % behind the number. */
+static int budget_option(options *o, const char *text) {
+    char *end;
+    double value = strtod(text, &end);
+    if (end != text && *end == '%') {
+        value *= 0.01;
+        end++;
+    }
+    o->budget = (float)value;
+    if (end == text || *end || !(o->budget >= 1e-5f && o->budget <= 1.0f))
+        return complain(2, "--budget: expected 0.001%% to 100%%, found '%s'", text);
+    return 0;
+}
+
 static int method_option(options *o, const char *name, const char *text) {
     if (strcmp(name, "--depth") == 0 && scene_depth_method(text, &o->quality.depth))
         return complain(
@@ -105,6 +122,8 @@ static int option_with_value(options *o, const char *name, const char *value) {
         return number_option(name, value, 1, 4096, &o->quality.nodes);
     if (strcmp(name, "--grid") == 0)
         return number_option(name, value, 0, 1024, &o->quality.grid);
+    if (strcmp(name, "--budget") == 0)
+        return budget_option(o, value);
     if (strcmp(name, "--threads") == 0)
         return number_option(name, value, 1, 1024, &o->threads);
     if (strcmp(name, "--repeat") == 0)
@@ -114,9 +133,9 @@ static int option_with_value(options *o, const char *name, const char *value) {
 
 /* Whether an option exists and takes a value. */
 static int takes_value(const char *name) {
-    static const char *const names[] = {"--out",     "--size",     "--depth", "--ray",
-                                        "--density", "--nodes",    "--grid",  "--threads",
-                                        "--repeat",  "--reference"};
+    static const char *const names[] = {"--out",     "--size",      "--depth", "--ray",
+                                        "--density", "--nodes",     "--grid",  "--threads",
+                                        "--repeat",  "--reference", "--budget"};
     return scene_name(names, sizeof names / sizeof *names, name) >= 0;
 }
 
@@ -137,6 +156,9 @@ static int parse_options(int count, char **arguments, options *o) {
         else
             o->scene = name;
     }
+    if (o->budget > 0 && (o->quality.depth || o->quality.ray || o->quality.density ||
+                          o->quality.nodes || o->quality.grid))
+        return complain(2, "--budget: chooses depth, ray, density, nodes and grid itself");
     if (!o->scene)
         return complain(2, "expected a scene file; --help lists the options");
     if (o->quality.ray == SCATTER_RAY_QUADRATURE && o->quality.nodes > 256)
@@ -317,6 +339,25 @@ static scatter_result render_once(const options *o, const scene_file *file, host
     return result;
 }
 
+/* Lets the library choose the quality, if there is a budget. */
+static int plan(options *o, const scene_file *file, host_state *state,
+                const file_picture *picture) {
+    scatter_host host = make_host(state);
+    scatter_view view = scene_view(file, picture->width, picture->height);
+    scatter_image image;
+    if (!(o->budget > 0))
+        return 0;
+    memset(&image, 0, sizeof image);
+    image.width = picture->width;
+    image.height = picture->height;
+    image.rgb = picture->rgb;
+    state->start = now_ms();
+    if (scatter_plan(&host, &file->scene, &view, &image, o->budget, &o->forecast) != SCATTER_OK)
+        return complain(1, "%s: %s", o->scene, state->sentence);
+    o->quality = o->forecast.quality;
+    return 0;
+}
+
 /* All repeats; leaves the medians in *t. */
 static int render(const options *o, const scene_file *file, host_state *state,
                   const file_picture *picture, timing *t) {
@@ -482,12 +523,15 @@ static void print_json(const options *o, const file_picture *picture, const timi
     print_string(o->scene);
     printf(", \"depth\": \"%s\", \"ray\": \"%s\", \"density\": \"%s\"", scene_depth_name(q->depth),
            scene_ray_name(q->ray), scene_density_name(q->density));
-    printf(", \"nodes\": %d, \"grid\": %d, \"threads\": %d", q->nodes, q->grid, o->threads);
+    printf(", \"nodes\": %d, \"grid\": %d, \"threads\": %d", q->nodes ? q->nodes : 16, q->grid,
+           o->threads);
     printf(", \"width\": %d, \"height\": %d", picture->width, picture->height);
     print_number("ms_setup", t->setup, 1);
     print_number("ms_rays", t->rays, 1);
     print_number("ms", t->total, 1);
     printf(", \"repeats\": %d", o->repeat);
+    print_number("budget", (double)o->budget, o->budget > 0);
+    print_number("predicted", (double)o->forecast.estimate.error, o->budget > 0);
     print_number("rel_rmse", d->rel_rmse, d->known);
     print_number("max_abs", d->max_abs, d->known);
     printf(", \"bytes\": %.0f}\n", (double)state->peak);
@@ -495,6 +539,12 @@ static void print_json(const options *o, const file_picture *picture, const timi
 
 static void print_report(const options *o, const file_picture *picture, const timing *t,
                          const difference *d) {
+    const scatter_forecast *f = &o->forecast;
+    if (o->budget > 0)
+        printf("%s: %s, %s, %d nodes, grid %d: %.2g %% predicted%s%s\n", o->scene,
+               scene_depth_name(f->quality.depth), scene_ray_name(f->quality.ray), f->quality.nodes,
+               f->quality.grid, 100 * (double)f->estimate.error,
+               f->kept ? "" : ", beyond the budget", f->estimate.trusted ? "" : ", not trusted");
     printf("%s: %dx%d, setup %.1f ms, rays %.1f ms", o->scene, picture->width, picture->height,
            t->setup, t->rays);
     if (d->known)
@@ -505,7 +555,7 @@ static void print_report(const options *o, const file_picture *picture, const ti
 /* -------------------------------------------------------------------------------------- >>main */
 
 /* Renders, compares, writes and reports; the exit status. */
-static int run(const options *o, const scene_file *file, const file_picture *picture) {
+static int run(options *o, const scene_file *file, const file_picture *picture) {
     host_state state;
     timing t = {0, 0, 0};
     difference d = {0, 0, 0};
@@ -513,7 +563,9 @@ static int run(const options *o, const scene_file *file, const file_picture *pic
     state.threads = o->threads;
     state.scene = o->scene;
     pthread_mutex_init(&state.lock, NULL);
-    int status = render(o, file, &state, picture, &t);
+    int status = plan(o, file, &state, picture);
+    if (!status)
+        status = render(o, file, &state, picture, &t);
     if (!status)
         status = check_picture(o, picture);
     if (!status)
@@ -528,7 +580,7 @@ static int run(const options *o, const scene_file *file, const file_picture *pic
     return status;
 }
 
-static int run_scene(const options *o, const scene_file *file) {
+static int run_scene(options *o, const scene_file *file) {
     file_picture picture;
     picture.width = o->width ? o->width : file->width;
     picture.height = o->height ? o->height : file->height;
@@ -544,8 +596,6 @@ int main(int count, char **arguments) {
     scene_file file;
     memset(&o, 0, sizeof o);
     o.repeat = 1;
-    o.quality.nodes = 16;
-    o.quality.grid = 0;
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
     o.threads = processors > 1 ? (int)(processors < 1024 ? processors : 1024) : 1;
     if (count == 2 && strcmp(arguments[1], "--help") == 0)

@@ -400,9 +400,34 @@ static void picture_size(input *in, scatter_image *image) {
     image->y1 = whole(in, 1, 4);
 }
 
-static void try_picture(input *in, books *b, const scatter_context *context) {
+static void demand_estimate(const scatter_estimate *e) {
+    demand_finite(&e->error, 1, "an estimate is not finite");
+    demand_finite(&e->uncertainty, 1, "the uncertainty of an estimate is not finite");
+    demand(e->error >= 0.0f && e->uncertainty >= 0.0f, "an estimate is negative");
+}
+
+/* Rarely: it renders the scene a dozen times. */
+static void try_plan(input *in, books *b, const scatter_host *host, const world *w,
+                     const scatter_view *camera, const scatter_image *image) {
+    scatter_forecast f;
+    float budget = number(in, 0.001f, 0.1f);
+    if (next(in) % 8 != 0)
+        return;
+    b->patience = next(in) & 7u;
+    if (succeeded(b, scatter_plan(host, &w->scene, camera, image, budget, &f))) {
+        demand_estimate(&f.estimate);
+        demand(f.quality.nodes > 0 && f.setup_ms >= 0.0f && f.image_ms >= 0.0f &&
+                   f.planning_ms >= 0.0f,
+               "a plan without nodes or of negative cost");
+    }
+    b->patience = 0;
+}
+
+static void try_picture(input *in, books *b, const scatter_host *host, const world *w,
+                        const scatter_context *context) {
     scatter_view camera = view(in);
     scatter_image image;
+    scatter_estimate estimate = {0.0f, 0.0f, 0};
     float rgb[48] = {0}, transmittance[48] = {0}, color[48];
     float *distance = floats(in, 16);
     size_t i;
@@ -414,12 +439,15 @@ static void try_picture(input *in, books *b, const scatter_context *context) {
     image.transmittance = next(in) & 1u ? transmittance : NULL;
     image.color = next(in) & 1u ? color : NULL;
     image.distance = next(in) & 1u ? distance : NULL;
+    image.estimate = next(in) & 1u ? &estimate : NULL;
     b->patience = next(in) & 3u;
     if (succeeded(b, scatter_render(context, &camera, &image))) {
         demand_unit(transmittance, 48, "transmittance of a pixel is not in 0..1");
         demand_finite(rgb, 48, "a pixel is not finite");
+        demand_estimate(&estimate);
     }
     b->patience = 0;
+    try_plan(in, b, host, w, &camera, &image);
     free(distance);
 }
 
@@ -488,7 +516,7 @@ static void try_context(input *in, books *b, const scatter_host *host) {
             fill_world(in, w);
             succeeded(b, scatter_update(context, &w->scene, choose_quality(in, w)));
             try_ray(in, b, context);
-            try_picture(in, b, context);
+            try_picture(in, b, host, w, context);
             try_depth(in, b, host, w);
             try_inject(in, b, host, w);
             empty_world(w);
