@@ -5399,9 +5399,11 @@ static void scatteri_see(const scatteri_picture *job, int x, int y, scatteri_eye
     scatter_surface hits[SCATTERI_LANES];
     scatter_sample samples[SCATTERI_LANES];
     scatteri_rays rays;
+    const int ends = job->image.distance != NULL || job->context->scene.surface != NULL;
     int solid[SCATTERI_LANES], l;
     scatteri_aim(job, x, y, &rays);
-    for (l = 0; l < SCATTERI_LANES; l++)
+    memset(solid, 0, sizeof solid);
+    for (l = 0; l < SCATTERI_LANES && ends; l++)
         solid[l] = scatteri_end_ray(job, x, y, l, &rays, &hits[l]);
     scatteri_locate(job, x, y, seen);
     if (job->sparse)

@@ -3,7 +3,7 @@
 #ifndef SCATTER_BENCH_DEPTH_H
 #define SCATTER_BENCH_DEPTH_H
 
-#include "limits.h"
+#include "limit_loops.h"
 #include "report.h"
 
 enum {

@@ -3,7 +3,7 @@
 #ifndef SCATTER_BENCH_EIGHT_H
 #define SCATTER_BENCH_EIGHT_H
 
-#include "limits.h"
+#include "limit_loops.h"
 
 enum {
     EIGHT_SCENES = 4,

@@ -1,7 +1,7 @@
-/* limits.h - what no method can beat: copying its volumes, and evaluating its exponentials and
+/* limit_loops.h - what no method can beat: copying its volumes, and evaluating its exponentials and
  * error functions, nothing else. MIT licence. */
-#ifndef SCATTER_BENCH_LIMITS_H
-#define SCATTER_BENCH_LIMITS_H
+#ifndef SCATTER_BENCH_LIMIT_LOOPS_H
+#define SCATTER_BENCH_LIMIT_LOOPS_H
 
 #include "image.h"
 
