@@ -3763,20 +3763,20 @@ enum {
 /* Nanoseconds of each kind of work, one core; `make bench` measures them and prints its own beside these. */
 static const float scatteri_nanoseconds[SCATTERI_WORKS] = {
     100.0f,  /* packet */
-    90.0f,   /* test */
-    200.0f,  /* page */
-    100.0f,  /* node */
-    12.7f,   /* gaussian */
-    32.0f,   /* bin */
+    71.0f,   /* test */
+    82.0f,   /* page */
+    91.0f,   /* node */
+    6.9f,    /* gaussian */
+    31.0f,   /* bin */
     100.0f,  /* voxel */
-    550.0f,  /* gather */
+    555.0f,  /* gather */
     10.0f,   /* light */
-    17.0f,   /* shadow */
-    640.0f,  /* crossing */
-    100.0f,  /* read */
+    13.7f,   /* shadow */
+    700.0f,  /* crossing */
+    138.0f,  /* read */
     120.0f,  /* call */
-    45.0f,   /* cell */
-    1300.0f, /* rule */
+    19.0f,   /* cell */
+    1280.0f, /* rule */
     0.0f     /* strain */
 };
 
@@ -3970,7 +3970,8 @@ SCATTERI_HOT static void scatteri_scatter(const scatteri_light *light, const sca
         if (lobes.weight > 0.0f)
             for (l = 0; l < SCATTERI_LANES; l++)
                 fall[l] *= scatteri_phase(lobes, omc[l]);
-        else if (lobes.g1 > 0.0f || lobes.alpha1 > 0.0f) /* turned forward, see scatteri_turn_lobes */
+        else if (lobes.g1 > 0.0f ||
+                 lobes.alpha1 > 0.0f) /* turned forward, see scatteri_turn_lobes */
             for (l = 0; l < SCATTERI_LANES; l++)
                 fall[l] *= scatteri_draine(lobes.g1, lobes.alpha1, omc[l]);
         else
@@ -4064,6 +4065,8 @@ static scatter_vec3 scatteri_transmittance(const scatteri_medium *m, float depth
 #define SCATTERI_TWIN_PANEL 5.0f /* for the twin of the audit */
 /* Features of a light's own peak in a unit of u: measured beside lamps in dense media. */
 #define SCATTERI_PEAK 2.0f
+/* Range of u from which on a ray is never one panel: its ends, where t grows by e in each unit, need panels of their own. */
+#define SCATTERI_STRETCH 8.0f
 /* Distances of a light from a ray up to which its glow is followed on both sides: 5/6 of the light in even fog. */
 #define SCATTERI_GLOW 4.0f
 
@@ -4905,6 +4908,7 @@ SCATTERI_HOT static float scatteri_one_panel(scatteri_eye *eye)
         panels->ua[0][l] = ua;
         panels->ub[0][l] = ub;
         features[l] = scatteri_max(features[l], SCATTERI_PEAK * (ub - ua));
+        features[l] = scatteri_choose(SCATTERI_STRETCH, ub - ua, SCATTERI_FAR, features[l]);
     }
     return scatteri_most(features);
 }
@@ -5882,12 +5886,13 @@ static scatter_result scatteri_check_image(const scatter_host *host, const scatt
    The plan changes the roles: a good twin is the reference, and ever dearer settings are tried against it. */
 
 enum {
-    SCATTERI_PICKS = 256, /* packets in a sample at most */
-    SCATTERI_LEAST = 8    /* draws without which no estimate is trusted */
+    SCATTERI_PICKS = 256,      /* packets in a sample at most */
+    SCATTERI_LEAST = 8,        /* draws without which no estimate is trusted, */
+    SCATTERI_LEAST_SHAFTS = 64 /* and where geometry throws shafts */
 };
 
 /* What the audit may cost, of the image; 0.3 are promised, the rest is for weights that are not exact. */
-#define SCATTERI_AUDIT_SHARE 0.15
+#define SCATTERI_AUDIT_SHARE 0.11
 /* An estimate beyond this is no longer one: the twin is in doubt as well. */
 #define SCATTERI_ASTRAY 0.2f
 
@@ -6065,6 +6070,12 @@ static double scatteri_variance(const scatteri_audit *audit)
     return chance > 1.0 ? variance * chance / (chance - 1.0) : variance;
 }
 
+/* Errors of shafts that geometry throws lie along lines: few packets miss them. */
+static int scatteri_least_draws(const scatter_context *c)
+{
+    return c->scene.visible != NULL ? SCATTERI_LEAST_SHAFTS : SCATTERI_LEAST;
+}
+
 static scatter_estimate scatteri_judge(const scatteri_audit *audit)
 {
     double square = 0.0, sum = 0.0;
@@ -6080,7 +6091,8 @@ static scatter_estimate scatteri_judge(const scatteri_audit *audit)
     if (square > 0.0)
         estimate.uncertainty =
             (float)(0.5 * sqrt(scatteri_variance(audit)) / square) * estimate.error;
-    estimate.trusted = audit->draws >= (double)SCATTERI_LEAST && estimate.error < SCATTERI_ASTRAY &&
+    estimate.trusted = audit->draws >= scatteri_least_draws(audit->job.context) &&
+                       estimate.error < SCATTERI_ASTRAY &&
                        estimate.uncertainty <= 0.5f * estimate.error + 1e-5f;
     return estimate;
 }
