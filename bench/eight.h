@@ -18,7 +18,7 @@ static const char *const eight_paths[EIGHT_SCENES] = {
     "bench/eight.scatter", "bench/eight_core.scatter", "bench/eight_colour.scatter",
     "bench/eight_four.scatter"};
 
-static const int eight_nodes[EIGHT_NODES] = {8, 12, 16, 24};
+static const int eight_nodes[EIGHT_NODES] = {10, 12, 16, 24};
 
 typedef struct eight_bench {
     scene_file file[EIGHT_SCENES];

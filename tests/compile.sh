@@ -176,6 +176,42 @@ link_only() {
         strict "$3" -I"$2" "$1/alone.c" "$1/twin.c" -o "$exe" -lm
 }
 
+# ------------------------------------------------------------------------------- vectorised
+
+# What an image spends its time in. A loop that gcc leaves scalar costs ten times as much and says nothing.
+LOOPS="aim map_light set_frame set_points find_foot shadow_foot shadow_whole shadow_quick shadow_exact
+    add_some place_row stretch_row scatter add_attenuated one_panel widen_hull add_group rate_gaussians
+    rate_shadows rate_fog"
+
+# loops_are_vectors HEADER: gcc reports a vectorised loop in each function of LOOPS.
+loops_are_vectors() {
+    local name log=$OUT/vectors.log missing=0
+    gcc -std=c99 -O3 -ffp-contract=fast -fopt-info-vec -x c -DSCATTER_IMPLEMENTATION -c "$1" \
+        -o "$OUT/vectors.o" 2>"$log" || return 1
+    for name in $LOOPS; do
+        awk -F: -v name="scatteri_$name" '
+            FILENAME == ARGV[1] && /optimized: loop vectorized/ { vector[$2] = 1 }
+            FILENAME == ARGV[2] && $0 ~ "^SCATTERI_(HOT|FN).*[ *]" name "\\(" { inside = 1 }
+            FILENAME == ARGV[2] && inside && vector[FNR] { found = 1 }
+            FILENAME == ARGV[2] && /^}/ { inside = 0 }
+            END { exit !found }' "$log" "$1" || { echo "scalar: scatteri_$name"; missing=1; }
+    done
+    return $missing
+}
+
+title_vectors="gcc vectorises the hot loops"
+step_vectors() {
+    if [ "$(uname -m)" != x86_64 ]; then
+        skip "not x86-64"
+        return
+    fi
+    check "scatter.h" loops_are_vectors scatter.h
+    plant vectors '/* planted below */'
+    sed -i '/HOT static void scatteri_set_frame/,/^{/s/SCATTERI_RESTRICT//' "$PLANTED/vectors/scatter.h"
+    refuse "a frame whose structs may overlap" 'scalar: scatteri_set_frame' \
+        loops_are_vectors "$PLANTED/vectors/scatter.h"
+}
+
 # ---------------------------------------------------------------------------- symbols, names
 
 exported() { nm -g --defined-only "$1" | awk '{ print $3 }'; }

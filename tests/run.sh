@@ -9,7 +9,7 @@ set -u
 cd "$(dirname "$0")/.." || exit 1
 unset MAKEFLAGS MFLAGS MAKELEVEL
 export LC_ALL=C
-STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes compile symbols names tcc mingw glsl readme"
+STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes compile symbols names vectors tcc mingw glsl readme"
 STEPS="$STEPS install bench fuzz"
 JOBS=$(nproc)
 OUT=build/test
