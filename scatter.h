@@ -5910,6 +5910,7 @@ typedef struct scatteri_audit {
     int rendered;                /* the image holds a picture, not only what is compared with */
     double nearness, brightness; /* to lights, of the picture: sums over all packets */
     int packets;                 /* of the image */
+    double half;                 /* of a packet's width, per metre of distance */
     int first, count;            /* picks: those before `first` are done */
     double draws;
     scatteri_pick picks[SCATTERI_PICKS];
@@ -5917,31 +5918,32 @@ typedef struct scatteri_audit {
 
 /* --- the sample --- */
 
-/* How near a ray passes a local light, 1 at it; `half`: half a packet's width, per metre of distance. */
-static double scatteri_nearness_to(const scatteri_light *light, scatter_ray ray, float half)
+/* How near a ray passes a local light, 1 at it; half: half a packet's width, per metre of distance. */
+static double scatteri_nearness_to(const scatteri_light *light, scatter_vec3 origin,
+                                   scatter_vec3 direction, double half)
 {
-    const scatter_vec3 to = scatteri_sub(light->desc.position, ray.origin);
-    const float along = scatteri_max(scatteri_dot(to, ray.direction), 0.0f);
-    const scatter_vec3 off = scatteri_sub(to, scatteri_scale(ray.direction, along));
-    const double w2 = (double)(along * half) * (double)(along * half);
-    const double near = w2 / (w2 + (double)scatteri_dot(off, off) + 1e-30);
+    const scatter_vec3 to = scatteri_sub(light->desc.position, origin);
+    const double ahead = (double)scatteri_max(scatteri_dot(to, direction), 0.0f);
+    const double along2 = ahead * ahead / ((double)scatteri_dot(direction, direction) + 1e-30);
+    const double w2 = along2 * half * half;
+    const double near = w2 / (w2 + fabs((double)scatteri_dot(to, to) - along2) + 1e-30);
     return light->source.directional ? 0.0 : near * near;
 }
 
-static double scatteri_nearness(const scatteri_picture *job, int x, int y)
+static double scatteri_nearness(const scatteri_audit *audit, int x, int y)
 {
+    const scatteri_picture *job = &audit->job;
     const scatter_view *v = &job->view;
-    const float across = 1.0f / (float)job->image.width, down = 1.0f / (float)job->image.height;
-    const float side = 0.5f * (float)SCATTERI_SIDE;
-    const scatter_ray ray =
-        scatter_view_ray(v, ((float)x + side) * across, ((float)y + side) * down);
-    const float half =
-        0.5f * side *
-        (scatteri_length(v->direction_dx) * across + scatteri_length(v->direction_dy) * down);
+    const float a = ((float)x + 0.5f * SCATTERI_SIDE) / (float)job->image.width;
+    const float b = ((float)y + 0.5f * SCATTERI_SIDE) / (float)job->image.height;
+    const scatter_vec3 origin =
+        scatteri_along(scatteri_along(v->origin, v->origin_dx, a), v->origin_dy, b);
+    const scatter_vec3 direction =
+        scatteri_along(scatteri_along(v->direction, v->direction_dx, a), v->direction_dy, b);
     double sum = 0.0;
     int i;
     for (i = 0; i < job->context->light_count; i++)
-        sum += scatteri_nearness_to(&job->context->lights[i], ray, half);
+        sum += scatteri_nearness_to(&job->context->lights[i], origin, direction, audit->half);
     return sum;
 }
 
@@ -5968,11 +5970,14 @@ static void scatteri_begin_audit(scatteri_audit *audit, const scatteri_picture *
     int x, y;
     audit->job = *job;
     audit->rendered = rendered;
+    audit->half = 0.25 * SCATTERI_SIDE *
+                  ((double)scatteri_length(job->view.direction_dx) / image->width +
+                   (double)scatteri_length(job->view.direction_dy) / image->height);
     audit->nearness = audit->brightness = audit->draws = 0.0;
     audit->first = audit->count = audit->packets = 0;
     for (y = image->y0 - image->y0 % SCATTERI_SIDE; y < image->y1; y += SCATTERI_SIDE)
         for (x = image->x0 - image->x0 % SCATTERI_SIDE; x < image->x1; x += SCATTERI_SIDE) {
-            audit->nearness += scatteri_nearness(job, x, y);
+            audit->nearness += scatteri_nearness(audit, x, y);
             audit->brightness += scatteri_brightness(audit, x, y);
             audit->packets++;
         }
@@ -5992,7 +5997,7 @@ static void scatteri_draw(scatteri_audit *audit, int draws)
     audit->draws += draws;
     for (y = image->y0 - image->y0 % SCATTERI_SIDE; y < image->y1; y += SCATTERI_SIDE)
         for (x = image->x0 - image->x0 % SCATTERI_SIDE; x < image->x1; x += SCATTERI_SIDE) {
-            const double share = 1.0 + near * scatteri_nearness(&audit->job, x, y) +
+            const double share = 1.0 + near * scatteri_nearness(audit, x, y) +
                                  bright * scatteri_brightness(audit, x, y);
             running += share;
             for (times = 0; running > next; times++)
