@@ -183,34 +183,34 @@ static void test_audit_sees_planted_faults(void **state) {
 /* The sum over all packets of a value, as the sample tells it; `blind`: a planted fault, all
  * probabilities alike. */
 static double sampled_sum(const scatteri_audit *a,
-                          double (*value)(const scatteri_picture *, int, int), int blind) {
+                          double (*value)(const scatteri_audit *, int, int), int blind) {
     double sum = 0;
     int i;
     for (i = 0; i < a->count; i++) {
         scatteri_pick pick = a->picks[i];
         if (blind)
             pick.probability = 1.0 / a->packets;
-        sum += scatteri_weight(a, &pick) * value(&a->job, pick.x, pick.y);
+        sum += scatteri_weight(a, &pick) * value(a, pick.x, pick.y);
     }
     return sum;
 }
 
-static double slope(const scatteri_picture *job, int x, int y) {
-    (void)job;
+static double slope(const scatteri_audit *a, int x, int y) {
+    (void)a;
     return 1 + 0.1 * x + 0.02 * y;
 }
 
-static double peaks(const scatteri_picture *job, int x, int y) {
-    return 0.1 + scatteri_nearness(job, x, y);
+static double peaks(const scatteri_audit *a, int x, int y) {
+    return 0.1 + scatteri_nearness(a, x, y);
 }
 
-static double all_sum(const scatteri_picture *job,
-                      double (*value)(const scatteri_picture *, int, int)) {
+static double all_sum(const scatteri_audit *a,
+                      double (*value)(const scatteri_audit *, int, int)) {
     double sum = 0;
     int x, y;
     for (y = 0; y < HEIGHT; y += 4)
         for (x = 0; x < WIDTH; x += 4)
-            sum += value(job, x, y);
+            sum += value(a, x, y);
     return sum;
 }
 
@@ -236,9 +236,9 @@ static void test_sample_has_no_bias(void **state) {
     assert_int_equal(a.packets, ((WIDTH + 3) / 4) * ((HEIGHT + 3) / 4));
     scatteri_draw(&a, 16);
     scatteri_draw(&a, 112); /* two draws count as one */
-    assert_at_most(fabs(sampled_sum(&a, slope, 0) / all_sum(&job, slope) - 1), 0.05);
-    assert_at_most(fabs(sampled_sum(&a, peaks, 0) / all_sum(&job, peaks) - 1), 0.05);
-    assert_at_least(fabs(sampled_sum(&a, peaks, 1) / all_sum(&job, peaks) - 1), 0.1);
+    assert_at_most(fabs(sampled_sum(&a, slope, 0) / all_sum(&a, slope) - 1), 0.05);
+    assert_at_most(fabs(sampled_sum(&a, peaks, 0) / all_sum(&a, peaks) - 1), 0.05);
+    assert_at_least(fabs(sampled_sum(&a, peaks, 1) / all_sum(&a, peaks) - 1), 0.1);
     scatter_destroy(context);
 }
 
