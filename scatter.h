@@ -5911,6 +5911,7 @@ typedef struct scatteri_audit {
     double nearness, brightness; /* to lights, of the picture: sums over all packets */
     int packets;                 /* of the image */
     double half;                 /* of a packet's width, per metre of distance */
+    int least;                   /* draws without which no estimate is trusted */
     int first, count;            /* picks: those before `first` are done */
     double draws;
     scatteri_pick picks[SCATTERI_PICKS];
@@ -5970,6 +5971,8 @@ static void scatteri_begin_audit(scatteri_audit *audit, const scatteri_picture *
     int x, y;
     audit->job = *job;
     audit->rendered = rendered;
+    /* errors of shafts that geometry throws lie along lines: few packets miss them */
+    audit->least = job->context->scene.visible != NULL ? SCATTERI_LEAST_SHAFTS : SCATTERI_LEAST;
     audit->half = 0.25 * SCATTERI_SIDE *
                   ((double)scatteri_length(job->view.direction_dx) / image->width +
                    (double)scatteri_length(job->view.direction_dy) / image->height);
@@ -6075,12 +6078,6 @@ static double scatteri_variance(const scatteri_audit *audit)
     return chance > 1.0 ? variance * chance / (chance - 1.0) : variance;
 }
 
-/* Errors of shafts that geometry throws lie along lines: few packets miss them. */
-static int scatteri_least_draws(const scatter_context *c)
-{
-    return c->scene.visible != NULL ? SCATTERI_LEAST_SHAFTS : SCATTERI_LEAST;
-}
-
 static scatter_estimate scatteri_judge(const scatteri_audit *audit)
 {
     double square = 0.0, sum = 0.0;
@@ -6096,8 +6093,7 @@ static scatter_estimate scatteri_judge(const scatteri_audit *audit)
     if (square > 0.0)
         estimate.uncertainty =
             (float)(0.5 * sqrt(scatteri_variance(audit)) / square) * estimate.error;
-    estimate.trusted = audit->draws >= scatteri_least_draws(audit->job.context) &&
-                       estimate.error < SCATTERI_ASTRAY &&
+    estimate.trusted = audit->draws >= audit->least && estimate.error < SCATTERI_ASTRAY &&
                        estimate.uncertainty <= 0.5f * estimate.error + 1e-5f;
     return estimate;
 }
