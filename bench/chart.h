@@ -16,7 +16,7 @@
 #include "image.h"
 #include <glob.h>
 
-enum { CHART_ROWS = 512, CHART_FAMILIES = 24 };
+enum { CHART_ROWS = 1024, CHART_FAMILIES = 24 };
 
 typedef struct chart_row {
     char family[48], way[80];
