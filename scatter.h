@@ -72,8 +72,8 @@
    the field to `host.log`. The library prints nothing. A failed call changes nothing but what it says.
    Memory: through host.allocate/release (default malloc/free), only in scatter_create, scatter_depth_create,
    scatter_update and scatter_depth_update, and there only when something became larger. scatter_render,
-   scatter_radiance, scatter_inject and scatter_depth_at never allocate. At most 140 KB of stack, 250 KB with an estimate
-   or a plan, which allocates a context of its own.
+   scatter_radiance, scatter_inject and scatter_depth_at never allocate. At most 300 KB of stack. scatter_plan allocates and
+   releases a context of its own.
    Threads: none of its own. Long loops are handed to host.parallel_for if there is one. scatter_radiance,
    scatter_depth_at and all functions without a context may be called from any number of threads.
    Determinism: the same bits on the same machine and build for any number of threads; on another processor

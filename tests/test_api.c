@@ -1008,7 +1008,7 @@ static void test_frames_do_not_allocate(void **state) {
 
 /* ------------------------------------------------------- >>stack */
 
-enum { STACK = 4 << 20, STACK_PROMISED = 140 << 10 }; /* scatter.h: "At most 140 KB of stack" */
+enum { STACK = 4 << 20, STACK_PROMISED = 300 << 10 }; /* scatter.h: "At most 300 KB of stack" */
 
 static int always_visible(void *user, scatter_vec3 p, scatter_vec3 q) {
     (void)user, (void)p, (void)q;
@@ -1066,15 +1066,30 @@ static void stack_radiance(stack_job *job) {
     scatter_radiance(job->context, &ray, NULL, &sample);
 }
 
+static void stack_estimate(stack_job *job) {
+    scatter_estimate estimate;
+    scatter_view view = front_view();
+    open_picture(&job->picture)->estimate = &estimate;
+    scatter_render(job->context, &view, &job->picture.image);
+    job->picture.image.estimate = NULL;
+}
+
+static void stack_plan(stack_job *job) {
+    scatter_forecast forecast;
+    scatter_view view = front_view();
+    scatter_plan(NULL, &job->world->scene, &view, &job->picture.image, 0.05f, &forecast);
+}
+
 static void stack_array(stack_job *job) {
     volatile unsigned char bytes[STACK_PROMISED + 4096];
     memset((void *)(uintptr_t)bytes, 1, sizeof bytes);
     job->quality.grid = bytes[job->quality.grid];
 }
 
-/* Most of the three calls, without what a thread needs that does nothing. */
+/* Most of the calls, without what a thread needs that does nothing. */
 static size_t stack_of_calls(stack_job *job, size_t idle) {
-    static void (*const calls[])(stack_job *) = {stack_update, stack_render, stack_radiance};
+    static void (*const calls[])(stack_job *) = {stack_update, stack_render, stack_radiance,
+                                                  stack_estimate};
     size_t most = 0, i;
     for (i = 0; i < CHECK_COUNT(calls); i++) {
         size_t used = stack_of(job, calls[i]) - idle;
@@ -1088,7 +1103,7 @@ static size_t stack_of_calls(stack_job *job, size_t idle) {
 static void test_stack(void **state) {
     static check_world w;
     static stack_job job;
-    size_t idle, most = 0;
+    size_t idle, plan, most = 0;
     int method;
     (void)state;
 #ifdef SCATTERI_SANITIZED
@@ -1109,7 +1124,9 @@ static void test_stack(void **state) {
         most = used > most ? used : most;
         scatter_destroy(job.context);
     }
-    printf("  stack: %.0f KB\n", (double)most / 1024);
+    plan = stack_of(&job, stack_plan) - idle;
+    printf("  stack: %.0f KB, of plans %.0f KB\n", (double)most / 1024, (double)plan / 1024);
+    assert_at_most((double)plan, STACK_PROMISED);
     assert_at_most((double)most, STACK_PROMISED);
     assert_at_least((double)most, STACK_PROMISED / 2); /* the calls were made on that stack */
     assert_at_least((double)(stack_of(&job, stack_array) - idle), STACK_PROMISED);
