@@ -3197,7 +3197,7 @@ SCATTERI_HOT static void scatteri_add_group(const scatteri_page *SCATTERI_RESTRI
         const float tau = scatteri_choose(x0, 0.0f, page->before[g][l] + q, page->behind[g][l] - q);
         const float above = tau - step * d0 * (0.5f + end), below = tau + step * d0 * (0.5f - end);
         float x = x0, density = d0, ratio = up, sum = d0;
-        depth[SCATTERI_MIDDLE * SCATTERI_LANES + l] += tau;
+        depth[(int)SCATTERI_MIDDLE * SCATTERI_LANES + l] += tau;
         for (k = SCATTERI_MIDDLE + 1; k < SCATTERI_GROUP; k++) {
             x += even.delta;
             density *= ratio;
@@ -5935,8 +5935,8 @@ static double scatteri_nearness(const scatteri_audit *audit, int x, int y)
 {
     const scatteri_picture *job = &audit->job;
     const scatter_view *v = &job->view;
-    const float a = ((float)x + 0.5f * SCATTERI_SIDE) / (float)job->image.width;
-    const float b = ((float)y + 0.5f * SCATTERI_SIDE) / (float)job->image.height;
+    const float a = ((float)x + 0.5f * (float)SCATTERI_SIDE) / (float)job->image.width;
+    const float b = ((float)y + 0.5f * (float)SCATTERI_SIDE) / (float)job->image.height;
     const scatter_vec3 origin =
         scatteri_along(scatteri_along(v->origin, v->origin_dx, a), v->origin_dy, b);
     const scatter_vec3 direction =
@@ -5973,7 +5973,7 @@ static void scatteri_begin_audit(scatteri_audit *audit, const scatteri_picture *
     audit->rendered = rendered;
     /* errors of shafts that geometry throws lie along lines: few packets miss them */
     audit->least = job->context->scene.visible != NULL ? SCATTERI_LEAST_SHAFTS : SCATTERI_LEAST;
-    audit->half = 0.25 * SCATTERI_SIDE *
+    audit->half = 0.25 * (double)SCATTERI_SIDE *
                   ((double)scatteri_length(job->view.direction_dx) / image->width +
                    (double)scatteri_length(job->view.direction_dy) / image->height);
     audit->nearness = audit->brightness = audit->draws = 0.0;
