@@ -288,6 +288,15 @@ static inline void check_world_open(check_world *w) {
     w->scene.medium.albedo = check_v3(0.9f, 0.9f, 0.9f);
 }
 
+/* A context that holds the scene, without a host. */
+static inline scatter_context *check_open_context(const scatter_scene *scene,
+                                                  const scatter_quality *q) {
+    scatter_context *context = NULL;
+    assert_int_equal(scatter_create(NULL, &context), SCATTER_OK);
+    assert_int_equal(scatter_update(context, scene, q), SCATTER_OK);
+    return context;
+}
+
 static inline scatter_gaussian *check_add_gaussian(check_world *w, scatter_vec3 center, float a,
                                                    float c) {
     scatter_gaussian *g = &w->gaussians[w->scene.medium.gaussian_count++];

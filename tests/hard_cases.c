@@ -114,13 +114,6 @@ static scatter_quality volumes(scatter_depth_method depth, int grid) {
 
 /* ---------------------------------------------------- >>pictures */
 
-static scatter_context *open_context(const scatter_scene *scene, const scatter_quality *q) {
-    scatter_context *context = NULL;
-    assert_int_equal(scatter_create(NULL, &context), SCATTER_OK);
-    assert_int_equal(scatter_update(context, scene, q), SCATTER_OK);
-    return context;
-}
-
 static void render(const scatter_context *context, scatter_view view, float *rgb) {
     scatter_image image;
     memset(&image, 0, sizeof image);
@@ -131,7 +124,7 @@ static void render(const scatter_context *context, scatter_view view, float *rgb
 }
 
 static void shoot(const scatter_scene *scene, scatter_view view, scatter_quality q, float *rgb) {
-    scatter_context *context = open_context(scene, &q);
+    scatter_context *context = check_open_context(scene, &q);
     render(context, view, rgb);
     scatter_destroy(context);
 }
@@ -824,7 +817,7 @@ static scatter_sample sample_of(const scatter_context *context, scatter_ray ray)
 /* Relative RMSE of what is seen along some rays. */
 static double rays_error(const check_world *w, const scatter_ray *rays, int count,
                          scatter_quality q) {
-    scatter_context *context = open_context(&w->scene, &q);
+    scatter_context *context = check_open_context(&w->scene, &q);
     check_error e = check_no_error();
     int i;
     for (i = 0; i < count; i++) {
@@ -854,7 +847,7 @@ static void test_zero_length(void **state) {
     int i;
     (void)state;
     open_town(&w, 0);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     for (i = 0; i < 2; i++) {
         scatter_sample s;
         hit.distance = lengths[i];
@@ -879,7 +872,7 @@ static void test_grazing_bounds(void **state) {
     open_cube(&w);
     w.scene.medium.bounds.min.y = 0;
     add_lamp(&w, 0.5f, 0.5f, -0.5f);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     on = sample_of(context, ray);
     ray.origin.y = -1e-6f;
     out = sample_of(context, ray);
@@ -909,7 +902,7 @@ static void test_grazing_gaussian(void **state) {
     check_world_open(&w);
     check_add_gaussian(&w, check_v3(0, 0, 0), 2, 0.5f);
     add_lamp(&w, 0, 3, 0);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     center = sample_of(context, ray).radiance.x;
     for (h = 1.5f; h < 2.5f; h += 0.01f) {
         ray.origin.y = -h;
@@ -1135,7 +1128,7 @@ static void test_depth_buffers(void **state) {
     add_lamp(&w, 0.5f, 0.9f, -0.3f);
     w.scene.surface = slanted_wall;
     shoot(&w.scene, view, q, truth);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     memset(&image, 0, sizeof image);
     image.width = WIDE;
     image.height = HIGH;
@@ -1379,7 +1372,7 @@ static void test_half(void **state) {
 static double half_error(const check_world *w, scatter_depth_method method) {
     static float truth[FLOATS], rgb[FLOATS];
     scatter_quality q = volumes(method, 64);
-    scatter_context *context = open_context(&w->scene, &q);
+    scatter_context *context = check_open_context(&w->scene, &q);
     int i;
     render(context, front_view(), truth);
     for (i = 0; i < context->light_count; i++) {
@@ -1483,7 +1476,7 @@ static int is_trusted(scatter_quality q) {
     check_add_gaussian(&w, check_v3(0.47f, 0.71f, 0.33f), 80, 200);
     check_bound(&w, check_cube(0, 1));
     add_lamp(&w, 0.5f, 1.5f, 0.3f);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     memset(&image, 0, sizeof image);
     image.width = image.height = SIDE;
     image.rgb = rgb;
@@ -1607,7 +1600,7 @@ static void test_energy(void **state) {
     for (i = 0; i < CHECK_COUNT(phases); i++) {
         scatter_context *context;
         w.scene.medium.phase = phases[i];
-        context = open_context(&w.scene, &q);
+        context = check_open_context(&w.scene, &q);
         out = scattered_power(context, sun);
         worst = fmax(worst, fabs(out / removed_power(&w, 1e-6, 2) - 1));
         scatter_destroy(context);
@@ -1626,7 +1619,7 @@ static double power_between(check_world *w, scatter_vec3 sun, scatter_vec3 eye) 
     scatter_context *context;
     double sum;
     w->lights[0].direction = sun;
-    context = open_context(&w->scene, &q);
+    context = check_open_context(&w->scene, &q);
     sum = sum_of_plane(context, eye, 8);
     scatter_destroy(context);
     return sum;

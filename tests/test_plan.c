@@ -162,8 +162,7 @@ static void test_audit_sees_planted_faults(void **state) {
     int i;
     (void)state;
     open_puffs(&w);
-    assert_int_equal(scatter_create(NULL, &context), SCATTER_OK);
-    assert_int_equal(scatter_update(context, &w.scene, &q), SCATTER_OK);
+    context = check_open_context(&w.scene, &q);
     assert_int_equal(scatter_render(context, &view, &image), SCATTER_OK);
     assert_at_most((double)audit(context, &view, rgb, 0).error, 1e-3);
     for (i = 0; i < FLOATS; i++) /* a picture 5 % too bright */
@@ -227,8 +226,7 @@ static void test_sample_has_no_bias(void **state) {
     check_world w;
     (void)state;
     open_puffs(&w);
-    assert_int_equal(scatter_create(NULL, &context), SCATTER_OK);
-    assert_int_equal(scatter_update(context, &w.scene, &q), SCATTER_OK);
+    context = check_open_context(&w.scene, &q);
     assert_int_equal(scatter_render(context, &view, &image), SCATTER_OK);
     assert_int_equal(scatteri_begin_picture(NULL, &view, &image, &job), SCATTER_OK);
     job.context = context;

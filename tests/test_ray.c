@@ -244,13 +244,6 @@ static scatter_quality nodes(int n) {
     return q;
 }
 
-static scatter_context *open_context(const scatter_scene *scene, const scatter_quality *q) {
-    scatter_context *context = NULL;
-    assert_int_equal(scatter_create(NULL, &context), SCATTER_OK);
-    assert_int_equal(scatter_update(context, scene, q), SCATTER_OK);
-    return context;
-}
-
 static scatter_vec3 seen_of(const scatter_sample *s) {
     return check_v3(s->radiance.x + s->transmittance.x * s->surface.x,
                     s->radiance.y + s->transmittance.y * s->surface.y,
@@ -272,7 +265,7 @@ static scatter_sample sample_of(const scatter_context *context, scatter_ray ray)
 
 /* Relative RMSE of the library's rays. */
 static double error_of(const trial *t, const scatter_scene *scene, scatter_quality q) {
-    scatter_context *context = open_context(scene, &q);
+    scatter_context *context = check_open_context(scene, &q);
     check_error e = check_no_error();
     int i;
     for (i = 0; i < RAYS; i++) {
@@ -564,7 +557,7 @@ static double slab_error(double sigma, double g, double shift) {
     scatter_quality q = nodes(32);
     int i;
     open_slab(&w, sigma, g);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     for (i = 1; i < 20; i++) {
         double mu = i / 20.0, side = sqrt(1 - mu * mu);
         scatter_ray ray = {{0, 0, -1}, {(float)side, 0, (float)mu}};
@@ -598,7 +591,7 @@ static void test_sun_through_endless_fog(void **state) {
     check_world_open(&w);
     w.scene.medium.constant = 0.1f;
     check_add_light(&w, SCATTER_LIGHT_DIRECTIONAL, check_v3(0, -1, 0), white);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     s = sample_of(context, ray);
     scatter_destroy(context);
     assert_at_most(s.radiance.x, 1e-30);     /* exp underflows to about that, or to 0 */
@@ -620,7 +613,7 @@ static void test_albedo_zero_leaves_emission(void **state) {
     w.scene.medium.emission = check_v3(2.0f, 0.5f, 0);
     w.scene.medium.extinction = check_v3(0.5f, 2.0f, 1.0f);
     open_trial(&t, &w.scene, check_v3(0.5f, 0.6f, -2.0f));
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     for (i = 0; i < RAYS; i++) {
         scatter_ray r = t.rays[i];
         scatter_vec3 far = check_along(r.origin, 10, r.direction);
@@ -684,7 +677,7 @@ static void test_energy(void **state) {
     w.scene.medium.phase.kind = SCATTER_PHASE_HG;
     w.scene.medium.phase.g = 0.3f;
     check_add_light(&w, SCATTER_LIGHT_DIRECTIONAL, check_v3(0, 0, 1), check_v3(2, 2, 2));
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     found = scattered_power(context);
     scatter_destroy(context);
     /* 1e-3: the rule over directions, and twice the depth of 1.8e-4 by which the medium shadows
@@ -697,7 +690,8 @@ static void test_energy(void **state) {
 /* Worst relative difference of two scenes along the same rays, the second times `factor`. */
 static double difference(const check_world *a, const check_world *b, float length, float factor) {
     scatter_quality q = nodes(16);
-    scatter_context *first = open_context(&a->scene, &q), *second = open_context(&b->scene, &q);
+    scatter_context *first = check_open_context(&a->scene, &q),
+                    *second = check_open_context(&b->scene, &q);
     check_error e = check_no_error();
     uint64_t seed = 19;
     int i;
@@ -777,11 +771,11 @@ static void test_lights_add(void **state) {
     check_world_open(&w);
     scene_lamp_inside(&w);
     check_add_light(&w, SCATTER_LIGHT_DIRECTIONAL, check_v3(1, -1, 0), check_v3(1, 0, 2));
-    both = open_context(&w.scene, &q);
+    both = check_open_context(&w.scene, &q);
     w.scene.light_count = 1;
-    one = open_context(&w.scene, &q);
+    one = check_open_context(&w.scene, &q);
     w.scene.lights = &w.lights[1];
-    two = open_context(&w.scene, &q);
+    two = check_open_context(&w.scene, &q);
     for (i = 0; i < RAYS; i++) {
         scatter_ray r = ray_through(check_v3(0.5f, 0.6f, -2.0f), check_point(&seed, 0, 1));
         double sum = (double)sample_of(one, r).radiance.x + sample_of(two, r).radiance.x;
@@ -807,7 +801,7 @@ static void test_direction_length(void **state) {
     (void)state;
     check_world_open(&w);
     scene_sun(&w);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     plain = sample_of(context, r).radiance.x;
     scatter_destroy(context);
     assert_true(plain > 0);
@@ -815,7 +809,7 @@ static void test_direction_length(void **state) {
         float by = ldexpf(1.0f, (int)log2f(lengths[i]));
         r.direction = check_v3(by * 0.1f, by * 0.05f, by);
         w.lights[0].direction = check_v3(by * -0.3f, -by, by * 0.4f);
-        context = open_context(&w.scene, &q);
+        context = check_open_context(&w.scene, &q);
         scaled = sample_of(context, r).radiance.x;
         scatter_destroy(context);
         assert_at_most(fabs((double)scaled / plain - 1), 1e-6);
@@ -827,7 +821,7 @@ static void test_direction_length(void **state) {
 /* Seen along one ray against the reference, relative to the brightest channel. */
 static double ray_error(const check_world *w, scatter_ray r, int n) {
     scatter_quality q = nodes(n);
-    scatter_context *context = open_context(&w->scene, &q);
+    scatter_context *context = check_open_context(&w->scene, &q);
     scatter_sample s = sample_of(context, r);
     check_error e = check_no_error();
     double truth[3];
@@ -891,7 +885,7 @@ static void test_ray_through_a_lamp(void **state) {
         w.scene.medium.constant = 1;
         check_add_light(&w, SCATTER_LIGHT_POINT, check_v3(0.5f, 0.5f, 0.5f), white);
         w.lights[0].radius = 0.001f * (float)radius;
-        context = open_context(&w.scene, &q);
+        context = check_open_context(&w.scene, &q);
         assert_true(sample_of(context, r).radiance.x > 0);
         r.origin.z = 0.5f; /* the eye in the lamp */
         assert_true(sample_of(context, r).radiance.x > 0);
@@ -929,7 +923,7 @@ static void test_ray_beside_the_medium(void **state) {
     check_bound(&w, check_cube(0, 1));
     w.scene.background = check_v3(0.25f, 0.5f, 1);
     check_add_light(&w, SCATTER_LIGHT_POINT, lamp_outside, white);
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     s = sample_of(context, away);
     assert_true(s.radiance.x == 0 && s.transmittance.y == 1 && s.surface.z == 1);
     s = sample_of(context, edge); /* in or out, but a number */
@@ -946,7 +940,7 @@ static void test_empty_scene(void **state) {
     (void)state;
     memset(&w, 0, sizeof w);
     w.scene.background = check_v3(0.25f, 0.5f, 1);
-    context = open_context(&w.scene, NULL);
+    context = check_open_context(&w.scene, NULL);
     s = sample_of(context, r);
     scatter_destroy(context);
     assert_true(s.radiance.x == 0 && s.radiance.y == 0 && s.radiance.z == 0);
@@ -1038,7 +1032,7 @@ static void test_surface_formula(void **state) {
     check_world_open(&w);
     check_add_light(&w, SCATTER_LIGHT_POINT, check_v3(1, 0, 1),
                     white); /* 45 degrees, at a distance of sqrt 2 */
-    context = open_context(&w.scene, NULL);
+    context = check_open_context(&w.scene, NULL);
     assert_int_equal(scatter_radiance(context, &r, &hit, &s), SCATTER_OK);
     e = 4 / (2 + 1e-4) * cosine;
     truth = e * (0.5 / CHECK_PI + 0.25 * 12 / (2 * CHECK_PI) * pow(cosine, 10));
@@ -1064,7 +1058,7 @@ static void test_surface_through_fog(void **state) {
     w.scene.medium.constant = 0.5f;
     w.scene.medium.extinction = check_v3(1, 2, 3);
     check_add_light(&w, SCATTER_LIGHT_POINT, check_v3(0, 0, 0), white);
-    context = open_context(&w.scene, NULL);
+    context = check_open_context(&w.scene, NULL);
     assert_int_equal(scatter_radiance(context, &r, &hit, &s), SCATTER_OK);
     scatter_destroy(context);
     assert_at_most(fabs(s.surface.x / (truth * exp(-1)) - 1), 1e-5);
@@ -1085,7 +1079,7 @@ static void test_surface_ends_the_ray(void **state) {
     check_world_open(&w);
     scene_three(&w);
     check_bound(&w, check_cube(0, 1));
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     assert_int_equal(scatter_radiance(context, &r, NULL, &free_ray), SCATTER_OK);
     assert_int_equal(scatter_radiance(context, &r, &hit, &ended), SCATTER_OK);
     assert_true(ended.radiance.x == 0 && ended.transmittance.x == 1);
@@ -1115,7 +1109,7 @@ static void test_spot(void **state) {
     l->direction = check_v3(0, -1, 0);
     l->inner = 0.2f;
     l->outer = 0.3f;
-    context = open_context(&w.scene, &q);
+    context = check_open_context(&w.scene, &q);
     assert_true(sample_of(context, past).radiance.x == 0);
     scatter_destroy(context);
     open_trial(&t, &w.scene, check_v3(0.5f, 0.6f, -2.0f));
