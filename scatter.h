@@ -118,7 +118,8 @@ typedef enum scatter_result {
     SCATTER_BAD_ARGUMENT,  /* a field holds a value that has no meaning */
     SCATTER_TOO_LARGE,     /* a product of sizes does not fit into size_t or int */
     SCATTER_OUT_OF_MEMORY, /* host.allocate returned NULL; the object is as before the call or empty */
-    SCATTER_CANCELLED      /* host.progress asked to stop */
+    SCATTER_CANCELLED,     /* host.progress asked to stop */
+    SCATTER_UNSUPPORTED    /* scatter_gl.h: the GL context lacks what the call needs */
 } scatter_result;
 
 /* What the library asks of the program around it. Every member may be NULL. */

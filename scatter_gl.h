@@ -39,6 +39,139 @@
 extern "C" {
 #endif
 
+/* ------------------------------------------------------------------------------------------ >>types */
+
+typedef void (*scatter_gl_proc)(void);
+
+/* One fog. Zero is the default of every field but get_proc_address. */
+typedef struct scatter_gl_desc {
+    scatter_host host; /* allocate, release and log count; see scatter.h */
+    /* Address of a GL function in the current context: eglGetProcAddress, glfwGetProcAddress, OSMesaGetProcAddress
+       as they are, SDL_GL_GetProcAddress with a cast. */
+    scatter_gl_proc (*get_proc_address)(const char *name);
+    int max_lights;    /* room for lights; 0: 16 */
+    int max_gaussians; /* room for Gaussians; 0: 4096 */
+    int half_float;    /* not 0: volumes of 16 instead of 32 bits: half the memory, see "errors" */
+    int keep_state;    /* not 0: do not save and restore the GL state listed above */
+    int timers;        /* not 0: measure the GPU time of each pass, see scatter_gl_get_times */
+} scatter_gl_desc;
+
+typedef enum scatter_gl_shadow_kind {
+    SCATTER_GL_SHADOW_NONE = 0,
+    SCATTER_GL_SHADOW_2D,    /* GL_TEXTURE_2D: directional and spot lights */
+    SCATTER_GL_SHADOW_ARRAY, /* GL_TEXTURE_2D_ARRAY: one layer, or cascades in order of preference */
+    SCATTER_GL_SHADOW_CUBE   /* GL_TEXTURE_CUBE_MAP around a point light */
+} scatter_gl_shadow_kind;
+
+/* A shadow map of the host: how geometry stops a light. Depth is read without comparison and filtering, whatever
+   the texture's parameters say. */
+typedef struct scatter_gl_shadow {
+    scatter_gl_shadow_kind kind;
+    unsigned texture;
+    int layer;          /* array: layer of the first cascade */
+    int cascades;       /* array: 1..4 layers; 0: 1. A point takes the first one whose square holds it */
+    float matrix[4][16]; /* 2D, array: world to texture, column-major: x, y, z / w in 0..1 are where and how deep */
+    int reversed;       /* not 0: larger stored values are nearer */
+    float bias;         /* >= 0, of stored depth: a point is lit if it is not deeper than the map by more */
+    float near, far;    /* cube, far > near > 0: each face holds the depth 0..1 of a perspective projection between
+                           them; near 0: the distance from the light over `far` */
+} scatter_gl_shadow;
+
+typedef struct scatter_gl_light {
+    scatter_light light;
+    scatter_gl_shadow shadow; /* zero: the host's geometry does not stop it */
+} scatter_gl_light;
+
+/* What the pixels show. */
+typedef enum scatter_gl_show {
+    SCATTER_GL_SHOW_FOG = 0,       /* L + T scene */
+    SCATTER_GL_SHOW_DENSITY,       /* integral of D along the ray, m, as grey */
+    SCATTER_GL_SHOW_LIGHT_DEPTH,   /* mean optical depth to the light `show_light`, over the ray's density, as grey */
+    SCATTER_GL_SHOW_TRANSMITTANCE, /* T */
+    SCATTER_GL_SHOW_RADIANCE,      /* L */
+    SCATTER_GL_SHOW_NODES,         /* nodes evaluated on the ray, over 256 */
+    SCATTER_GL_SHOW_ERROR          /* |L - L with twice the nodes| */
+} scatter_gl_show;
+
+/* A camera and where its picture goes. Matrices are column-major, clip = projection * view * world. */
+typedef struct scatter_gl_view {
+    const float *inverse_view_projection; /* 16: clip to world; any projection: reversed, infinite, off-axis,
+                                             orthographic */
+    int reversed;          /* not 0: the depth buffer is cleared to 0 and nearer values are larger; else cleared to 1 */
+    int zero_to_one;       /* not 0: clip z is 0..1 (glClipControl), else -1..1 */
+    unsigned framebuffer;  /* drawn to; 0: the default one. Linear colour in its first attachment, any samples */
+    int x, y, width, height; /* pixels of the framebuffer that the camera covers */
+    unsigned depth_texture; /* 2D, not multisampled, texel (i, j) is the framebuffer's pixel (i, j): where rays end.
+                               0: nowhere. Sky is where it holds the clear value; NaN counts as sky */
+    int divide;            /* 0, 1: every pixel; 2, 4: half, quarter resolution, depth-aware upsampling */
+    scatter_gl_show show;
+    int show_light;        /* for SCATTER_GL_SHOW_LIGHT_DEPTH */
+} scatter_gl_view;
+
+/* A view-aligned volume of the fog, for transparent things: L and optical depth between the eye and the middle of
+   nx*ny*nz froxels, slices spaced evenly in the logarithm of the distance between near and far. */
+typedef struct scatter_gl_froxels {
+    int nx, ny, nz;  /* 0: 160, 90, 64 */
+    float near, far; /* m, 0 < near < far; behind far the last slice goes on */
+} scatter_gl_froxels;
+
+/* GPU milliseconds of the last measured passes; -1: not measured, or not finished yet. */
+typedef struct scatter_gl_times {
+    float inject, depth, view, upsample, froxels;
+} scatter_gl_times;
+
+/* What the passes did since scatter_gl_create. */
+typedef struct scatter_gl_stats {
+    unsigned injections;   /* of the medium into the density volume */
+    unsigned propagations; /* of optical depth, one for each batch of four sources */
+    unsigned programs;     /* compiled */
+    unsigned textures;     /* created */
+    size_t texture_bytes;  /* held now, about */
+} scatter_gl_stats;
+
+typedef struct scatter_gl scatter_gl;
+
+/* -------------------------------------------------------------------------------------- >>functions
+   Each needs the context current for which the fog was made, or one that shares its objects. */
+
+SCATTER_API scatter_result scatter_gl_create(const scatter_gl_desc *desc, scatter_gl **fog);
+/* Deletes what the fog holds in the current context. */
+SCATTER_API void scatter_gl_destroy(scatter_gl *fog);
+/* The same after the context was lost: gives back memory, calls no GL. */
+SCATTER_API void scatter_gl_abandon(scatter_gl *fog);
+
+/* Takes over a medium; arrays are copied, voxels are uploaded when their grid's `version` or address changed. */
+SCATTER_API scatter_result scatter_gl_set_medium(scatter_gl *fog, const scatter_medium *medium);
+SCATTER_API scatter_result scatter_gl_set_lights(scatter_gl *fog, const scatter_gl_light *lights,
+                                                 size_t count);
+/* Fills the volumes that the methods of `quality` need (NULL: defaults), only where something changed since the last
+   call. eye: not NULL: optical depth from there goes into the volumes as well, and draw reads it instead of
+   integrating it (right only for a camera that stands there). */
+SCATTER_API scatter_result scatter_gl_update(scatter_gl *fog, const scatter_quality *quality,
+                                             const scatter_vec3 *eye);
+/* Blends the fog over the picture: L + T scene, alpha as of premultiplied colour. */
+SCATTER_API scatter_result scatter_gl_draw(scatter_gl *fog, const scatter_gl_view *view);
+/* Fills the view-aligned volume for scatter_fog() in the host's shaders. */
+SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *fog, const scatter_gl_view *view,
+                                                   const scatter_gl_froxels *froxels);
+/* Makes room for pictures of that size at reduced resolution, so that draw creates nothing. */
+SCATTER_API scatter_result scatter_gl_resize(scatter_gl *fog, int width, int height);
+/* Compiles what update, draw and fill_froxels will need for the present medium, lights and quality. */
+SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *fog, const scatter_quality *quality,
+                                              const scatter_gl_view *view);
+
+/* For the host's own shaders: text to put between #version and the shader, with
+     vec3 scatter_light_transmittance(int light, vec3 world)   T(P, S) between a surface and a light
+     vec4 scatter_fog(vec4 premultiplied, vec3 world)          a transparent fragment seen through the fog */
+SCATTER_API const char *scatter_gl_surface_glsl(const scatter_gl *fog);
+/* Binds what that text reads: six texture units from first_unit on, uniform blocks at first_block and first_block + 1,
+   and sets the program's uniforms. This one changes the host's state, and leaves `program` in use. */
+SCATTER_API scatter_result scatter_gl_bind_surface(scatter_gl *fog, unsigned program, int first_unit,
+                                                   int first_block);
+
+SCATTER_API scatter_gl_times scatter_gl_get_times(scatter_gl *fog);
+SCATTER_API scatter_gl_stats scatter_gl_get_stats(const scatter_gl *fog);
+
 /* The GLSL text of a chapter, with static lifetime; NULL if there is no chapter of that name. */
 SCATTER_API const char *scatter_gl_glsl(const char *chapter);
 
