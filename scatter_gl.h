@@ -93,10 +93,10 @@ typedef enum scatter_gl_show {
     SCATTER_GL_SHOW_ERROR          /* |L - L with twice the nodes| */
 } scatter_gl_show;
 
-/* A camera and where its picture goes. Matrices are column-major, clip = projection * view * world. */
+/* A camera and where its picture goes. Matrices are column-major: clip = projection * view * world. */
 typedef struct scatter_gl_view {
-    const float *inverse_view_projection; /* 16: clip to world; any projection: reversed, infinite, off-axis,
-                                             orthographic */
+    const float *view;       /* 16: world to camera */
+    const float *projection; /* 16: camera to clip; any: reversed, infinite, off-axis, orthographic */
     int reversed;          /* not 0: the depth buffer is cleared to 0 and nearer values are larger; else cleared to 1 */
     int zero_to_one;       /* not 0: clip z is 0..1 (glClipControl), else -1..1 */
     unsigned framebuffer;  /* drawn to; 0: the default one. Linear colour in its first attachment, any samples */
