@@ -6761,15 +6761,14 @@ static void scatteri_update_rules(scatter_context *c)
    that fills the picture, in media of large extinction and with narrow phase functions.
    Few nodes: e^-6 of a Gaussian is left out, e^-14 from 26 nodes on. What is left out of depth stays below 1e-4 of
    transmittance, since `reach` holds the Gaussian's own depth but not sigma. */
-static scatteri_trim scatteri_trim_for(const scatter_context *c)
+static scatteri_trim scatteri_trim_of(const scatteri_medium *medium, const scatter_quality *quality)
 {
-    const float dense = scatteri_log(scatteri_max(c->medium.sigma_most, 1.0f));
-    const float peak = 12.5663706f * scatteri_phase(c->medium.lobes, 0.0f);
+    const float dense = scatteri_log(scatteri_max(medium->sigma_most, 1.0f));
+    const float peak = 12.5663706f * scatteri_phase(medium->lobes, 0.0f);
     const float sharp = scatteri_log(scatteri_max(0.4f * peak, 1.0f));
-    const float few = scatteri_clamp(13.0f - 0.5f * (float)c->quality.nodes, 0.0f, 8.0f);
+    const float few = scatteri_clamp(13.0f - 0.5f * (float)quality->nodes, 0.0f, 8.0f);
     scatteri_trim trim;
-    trim.rays =
-        c->quality.ray == SCATTER_RAY_QUADRATURE ? scatteri_max(few - dense - sharp, 0.0f) : 0.0f;
+    trim.rays = quality->ray == SCATTER_RAY_QUADRATURE ? scatteri_max(few - dense - sharp, 0.0f) : 0.0f;
     trim.depth = scatteri_max(trim.rays - 4.5f, 0.0f);
     return trim;
 }
@@ -6792,7 +6791,7 @@ static void scatteri_update_trim(scatter_context *c)
 {
     const scatteri_trim before = c->trim;
     int i;
-    c->trim = scatteri_trim_for(c);
+    c->trim = scatteri_trim_of(&c->medium, &c->quality);
     for (i = 0; i < c->light_count; i++)
         if (c->lights[i].in_rim < 0 || before.rays != c->trim.rays)
             c->lights[i].in_rim =

@@ -183,6 +183,383 @@ SCATTER_API const char *scatter_gl_glsl(const char *chapter);
 #if defined(SCATTER_IMPLEMENTATION) && !defined(SCATTER_GL_IMPLEMENTED)
 #define SCATTER_GL_IMPLEMENTED
 
+/* ---------------------------------------------------------------------------------- >>gl functions
+   Types, names and functions of OpenGL that are used, so that no GL header is needed and no name of the host's
+   loader is touched. */
+
+#if defined(_WIN32) && !defined(_WIN64)
+#define SCATTERI_GL_CALL __stdcall
+#else
+#define SCATTERI_GL_CALL
+#endif
+
+typedef unsigned char scatteri_gl_byte;
+
+enum {
+    SCATTERI_GL_ACTIVE_TEXTURE = 0x84E0,
+    SCATTERI_GL_ARRAY_2D = 0x8C1A,
+    SCATTERI_GL_BLEND = 0x0BE2,
+    SCATTERI_GL_BLEND_DST_ALPHA = 0x80CA,
+    SCATTERI_GL_BLEND_DST_RGB = 0x80C8,
+    SCATTERI_GL_BLEND_EQUATION_ALPHA = 0x883D,
+    SCATTERI_GL_BLEND_EQUATION_RGB = 0x8009,
+    SCATTERI_GL_BLEND_SRC_ALPHA = 0x80CB,
+    SCATTERI_GL_BLEND_SRC_RGB = 0x80C9,
+    SCATTERI_GL_CLAMP_TO_EDGE = 0x812F,
+    SCATTERI_GL_COLOR_0 = 0x8CE0, /* attachment */
+    SCATTERI_GL_COLOR_WRITEMASK = 0x0C23,
+    SCATTERI_GL_COMPILED = 0x8B81,
+    SCATTERI_GL_COMPLETE = 0x8CD5,
+    SCATTERI_GL_CUBE = 0x8513,
+    SCATTERI_GL_CURRENT_PROGRAM = 0x8B8D,
+    SCATTERI_GL_DRAW_BINDING = 0x8CA6,
+    SCATTERI_GL_DRAW_FRAMEBUFFER = 0x8CA9,
+    SCATTERI_GL_DYNAMIC = 0x88E8,
+    SCATTERI_GL_EXTENSIONS = 0x1F03,
+    SCATTERI_GL_FLOAT = 0x1406,
+    SCATTERI_GL_FRAGMENT = 0x8B30,
+    SCATTERI_GL_FUNC_ADD = 0x8006,
+    SCATTERI_GL_LINEAR = 0x2601,
+    SCATTERI_GL_LINKED = 0x8B82,
+    SCATTERI_GL_MAG_FILTER = 0x2800,
+    SCATTERI_GL_MAX_3D = 0x8073,
+    SCATTERI_GL_MAX_DRAW_BUFFERS = 0x8824,
+    SCATTERI_GL_MAX_SIZE = 0x0D33,
+    SCATTERI_GL_MIN_FILTER = 0x2801,
+    SCATTERI_GL_NEAREST = 0x2600,
+    SCATTERI_GL_NUM_EXTENSIONS = 0x821D,
+    SCATTERI_GL_FILL = 0x1B02,
+    SCATTERI_GL_FRONT_AND_BACK = 0x0408,
+    SCATTERI_GL_POLYGON_MODE = 0x0B40,
+    SCATTERI_GL_ONE = 1,
+    SCATTERI_GL_ONE_MINUS_SRC_ALPHA = 0x0303,
+    SCATTERI_GL_QUERY_AVAILABLE = 0x8867,
+    SCATTERI_GL_QUERY_RESULT = 0x8866,
+    SCATTERI_GL_R16F = 0x822D,
+    SCATTERI_GL_R32F = 0x822E,
+    SCATTERI_GL_READ_BINDING = 0x8CAA,
+    SCATTERI_GL_READ_FRAMEBUFFER = 0x8CA8,
+    SCATTERI_GL_RED = 0x1903,
+    SCATTERI_GL_RG = 0x8227,
+    SCATTERI_GL_RG32F = 0x8230,
+    SCATTERI_GL_RGBA = 0x1908,
+    SCATTERI_GL_RGBA16F = 0x881A,
+    SCATTERI_GL_RGBA32F = 0x8814,
+    SCATTERI_GL_SAMPLER_BINDING = 0x8919,
+    SCATTERI_GL_SCISSOR_BOX = 0x0C10,
+    SCATTERI_GL_SCISSOR_TEST = 0x0C11,
+    SCATTERI_GL_SRC_ALPHA = 0x0302,
+    SCATTERI_GL_SRC_COLOR = 0x0300,
+    SCATTERI_GL_TEXTURE_0 = 0x84C0,
+    SCATTERI_GL_TEXTURE_2D = 0x0DE1,
+    SCATTERI_GL_TEXTURE_3D = 0x806F,
+    SCATTERI_GL_TEXTURE_COMPARE_MODE = 0x884C,
+    SCATTERI_GL_TIMESTAMP = 0x8E28,
+    SCATTERI_GL_TRIANGLES = 4,
+    SCATTERI_GL_UNIFORM_BUFFER = 0x8A11,
+    SCATTERI_GL_UNIFORM_BUFFER_SIZE = 0x8A2A,
+    SCATTERI_GL_UNIFORM_BUFFER_START = 0x8A29,
+    SCATTERI_GL_UNPACK_BUFFER = 0x88EC,
+    SCATTERI_GL_UNPACK_BUFFER_BINDING = 0x88EF,
+    SCATTERI_GL_VERSION = 0x1F02,
+    SCATTERI_GL_VERTEX = 0x8B31,
+    SCATTERI_GL_VERTEX_ARRAY_BINDING = 0x85B5,
+    SCATTERI_GL_VIEWPORT = 0x0BA2,
+    SCATTERI_GL_WRAP_R = 0x8072,
+    SCATTERI_GL_WRAP_S = 0x2802,
+    SCATTERI_GL_WRAP_T = 0x2803,
+    SCATTERI_GL_ZERO = 0
+};
+
+#define SCATTERI_GL_INVALID_INDEX 0xFFFFFFFFu
+
+/* result, name, arguments; in every version that is supported */
+#define SCATTERI_GL_FUNCTIONS(F) \
+    F(void, ActiveTexture, (unsigned unit)) \
+    F(void, AttachShader, (unsigned program, unsigned shader)) \
+    F(void, BindBuffer, (unsigned target, unsigned buffer)) \
+    F(void, BindBufferBase, (unsigned target, unsigned index, unsigned buffer)) \
+    F(void, BindBufferRange, \
+      (unsigned target, unsigned index, unsigned buffer, ptrdiff_t offset, ptrdiff_t size)) \
+    F(void, BindFramebuffer, (unsigned target, unsigned framebuffer)) \
+    F(void, BindSampler, (unsigned unit, unsigned sampler)) \
+    F(void, BindTexture, (unsigned target, unsigned texture)) \
+    F(void, BindVertexArray, (unsigned array)) \
+    F(void, BlendEquationSeparate, (unsigned rgb, unsigned alpha)) \
+    F(void, BlendFuncSeparate, (unsigned rgb, unsigned drgb, unsigned alpha, unsigned dalpha)) \
+    F(void, BufferData, (unsigned target, ptrdiff_t size, const void *data, unsigned usage)) \
+    F(void, BufferSubData, (unsigned target, ptrdiff_t offset, ptrdiff_t size, const void *data)) \
+    F(unsigned, CheckFramebufferStatus, (unsigned target)) \
+    F(void, ColorMask, \
+      (scatteri_gl_byte r, scatteri_gl_byte g, scatteri_gl_byte b, scatteri_gl_byte a)) \
+    F(void, CompileShader, (unsigned shader)) \
+    F(unsigned, CreateProgram, (void)) \
+    F(unsigned, CreateShader, (unsigned type)) \
+    F(void, DeleteBuffers, (int count, const unsigned *buffers)) \
+    F(void, DeleteFramebuffers, (int count, const unsigned *framebuffers)) \
+    F(void, DeleteProgram, (unsigned program)) \
+    F(void, DeleteSamplers, (int count, const unsigned *samplers)) \
+    F(void, DeleteShader, (unsigned shader)) \
+    F(void, DeleteTextures, (int count, const unsigned *textures)) \
+    F(void, DeleteVertexArrays, (int count, const unsigned *arrays)) \
+    F(void, Disable, (unsigned what)) \
+    F(void, DrawArrays, (unsigned mode, int first, int count)) \
+    F(void, DrawArraysInstanced, (unsigned mode, int first, int count, int instances)) \
+    F(void, DrawBuffers, (int count, const unsigned *buffers)) \
+    F(void, Enable, (unsigned what)) \
+    F(void, FramebufferTexture2D, \
+      (unsigned target, unsigned attachment, unsigned textarget, unsigned texture, int level)) \
+    F(void, FramebufferTextureLayer, \
+      (unsigned target, unsigned attachment, unsigned texture, int level, int layer)) \
+    F(void, GenBuffers, (int count, unsigned *buffers)) \
+    F(void, GenFramebuffers, (int count, unsigned *framebuffers)) \
+    F(void, GenSamplers, (int count, unsigned *samplers)) \
+    F(void, GenTextures, (int count, unsigned *textures)) \
+    F(void, GenVertexArrays, (int count, unsigned *arrays)) \
+    F(void, GetBooleanv, (unsigned name, scatteri_gl_byte *values)) \
+    F(void, GetIntegeri_v, (unsigned name, unsigned index, int *values)) \
+    F(void, GetInteger64i_v, (unsigned name, unsigned index, int64_t *values)) \
+    F(void, GetIntegerv, (unsigned name, int *values)) \
+    F(void, GetProgramInfoLog, (unsigned program, int room, int *length, char *text)) \
+    F(void, GetProgramiv, (unsigned program, unsigned name, int *value)) \
+    F(void, GetShaderInfoLog, (unsigned shader, int room, int *length, char *text)) \
+    F(void, GetShaderiv, (unsigned shader, unsigned name, int *value)) \
+    F(const unsigned char *, GetString, (unsigned name)) \
+    F(const unsigned char *, GetStringi, (unsigned name, unsigned index)) \
+    F(unsigned, GetUniformBlockIndex, (unsigned program, const char *name)) \
+    F(int, GetUniformLocation, (unsigned program, const char *name)) \
+    F(scatteri_gl_byte, IsEnabled, (unsigned what)) \
+    F(void, LinkProgram, (unsigned program)) \
+    F(void, PixelStorei, (unsigned name, int value)) \
+    F(void, SamplerParameteri, (unsigned sampler, unsigned name, int value)) \
+    F(void, Scissor, (int x, int y, int width, int height)) \
+    F(void, ShaderSource, \
+      (unsigned shader, int count, const char *const *texts, const int *lengths)) \
+    F(void, TexImage2D, \
+      (unsigned target, int level, int internal, int width, int height, int border, \
+       unsigned format, unsigned type, const void *data)) \
+    F(void, TexImage3D, \
+      (unsigned target, int level, int internal, int width, int height, int depth, int border, \
+       unsigned format, unsigned type, const void *data)) \
+    F(void, TexParameteri, (unsigned target, unsigned name, int value)) \
+    F(void, TexSubImage2D, \
+      (unsigned target, int level, int x, int y, int width, int height, unsigned format, \
+       unsigned type, const void *data)) \
+    F(void, TexSubImage3D, \
+      (unsigned target, int level, int x, int y, int z, int width, int height, int depth, \
+       unsigned format, unsigned type, const void *data)) \
+    F(void, Uniform1i, (int location, int value)) \
+    F(void, Uniform4i, (int location, int x, int y, int z, int w)) \
+    F(void, UniformBlockBinding, (unsigned program, unsigned block, unsigned binding)) \
+    F(void, UseProgram, (unsigned program)) \
+    F(void, Viewport, (int x, int y, int width, int height))
+
+/* In some versions only: NULL elsewhere. */
+#define SCATTERI_GL_OPTIONAL(F) \
+    F(void, BlendEquationSeparatei, (unsigned buffer, unsigned rgb, unsigned alpha)) \
+    F(void, BlendFuncSeparatei, \
+      (unsigned buffer, unsigned rgb, unsigned drgb, unsigned alpha, unsigned dalpha)) \
+    F(void, ColorMaski, \
+      (unsigned buffer, scatteri_gl_byte r, scatteri_gl_byte g, scatteri_gl_byte b, \
+       scatteri_gl_byte a)) \
+    F(void, Disablei, (unsigned what, unsigned index)) \
+    F(void, Enablei, (unsigned what, unsigned index)) \
+    F(void, GetBooleani_v, (unsigned name, unsigned index, scatteri_gl_byte *values)) \
+    F(void, GetFloati_v, (unsigned name, unsigned index, float *values)) \
+    F(scatteri_gl_byte, IsEnabledi, (unsigned what, unsigned index)) \
+    F(void, ScissorIndexed, (unsigned index, int x, int y, int width, int height)) \
+    F(void, ViewportIndexedf, (unsigned index, float x, float y, float width, float height)) \
+    F(void, PolygonMode, (unsigned faces, unsigned mode)) \
+    F(void, GenQueries, (int count, unsigned *queries)) \
+    F(void, DeleteQueries, (int count, const unsigned *queries)) \
+    F(void, QueryCounter, (unsigned query, unsigned what)) \
+    F(void, GetQueryObjectiv, (unsigned query, unsigned name, int *value)) \
+    F(void, GetQueryObjectui64v, (unsigned query, unsigned name, uint64_t *value))
+
+#define SCATTERI_GL_MEMBER(result, name, arguments) result(SCATTERI_GL_CALL *name) arguments;
+
+typedef struct scatteri_gl_functions {
+    SCATTERI_GL_FUNCTIONS(SCATTERI_GL_MEMBER)
+    SCATTERI_GL_OPTIONAL(SCATTERI_GL_MEMBER)
+} scatteri_gl_functions;
+
+/* -------------------------------------------------------------------------------------- >>context
+   What a fog holds on the GPU and beside it. */
+
+enum {
+    SCATTERI_GL_BATCH = 4,    /* lights to a depth volume: its channels */
+    SCATTERI_GL_CASCADES = 4, /* of a shadow map */
+    SCATTERI_GL_HEIGHTS = 8,  /* terms of height fog: as in the block */
+    SCATTERI_GL_SLICES = 8,   /* layers of a volume that one pass fills, at most */
+    SCATTERI_GL_ROW = 1024    /* texels in a row of the table of Gaussians */
+};
+
+/* Texture units of every pass. */
+enum {
+    SCATTERI_GL_UNIT_GAUSSIANS, /* 2D: centre - ref and a; then c, reach */
+    SCATTERI_GL_UNIT_RULES,     /* 2D: row i holds Gauss-Legendre rule i: node, weight */
+    SCATTERI_GL_UNIT_FIELD,     /* 3D: density of voxels */
+    SCATTERI_GL_UNIT_VOLUME,    /* 3D: optical depth of four sources */
+    SCATTERI_GL_UNIT_SCENE,     /* 2D: the host's depth buffer */
+    SCATTERI_GL_UNIT_SHADOW,    /* of the four lights: 2D, array or cube */
+    SCATTERI_GL_UNIT_BEFORE = SCATTERI_GL_UNIT_SHADOW + SCATTERI_GL_BATCH, /* 2D: an earlier pass */
+    SCATTERI_GL_UNIT_BEFORE_TOO,
+    SCATTERI_GL_UNITS
+};
+
+/* Uniform blocks, one list for C and GLSL. Everything is a vec4, so that std140 adds nothing: V(name) is one, A(name,
+   count) an array. In GLSL the names begin with scatteri_. Positions are relative to the fog's `ref`. */
+#define SCATTERI_GL_MEDIUM_BLOCK(V, A) \
+    V(extinction) /* rgb; w: the largest */ \
+    V(albedo)     /* rgb times extinction; w: the smallest extinction that is not 0 */ \
+    V(emission)   /* rgb; w: constant density */ \
+    V(lobe)       /* g1, alpha1, g2, alpha2 */ \
+    V(lobes)      /* weight, turn, count of Gaussians, count of height fogs */ \
+    V(bounds_min) /* of the medium; w: not used */ \
+    V(bounds_max) \
+    V(local_min)  /* box of the local terms, where depth volumes lie; w: cells along each axis */ \
+    V(local_max) \
+    V(field_min)  /* box of the field; w: scale of its values */ \
+    V(field_max) \
+    V(field_size) /* voxels along each axis; w: not used */ \
+    V(nodes)      /* a panel, features in it, steps of the march, probes for shadow edges */ \
+    V(trim)       /* of the rays, in units of a^2 r^2 */ \
+    A(heights, 8) /* density, y0, scale */
+
+/* Four lights; those that are not there have no intensity. */
+#define SCATTERI_GL_LIGHTS_BLOCK(V, A) \
+    V(batch) /* lights in it; channel of the first in the volume; 1: has the eye in channel 0 */ \
+    A(light, 4)     /* position; w: 0 point, 1 spot, 2 directional */ \
+    A(direction, 4) /* unit; w: radius */ \
+    A(intensity, 4) /* rgb; w: 1 if the light is in the rim of the medium */ \
+    A(cone, 4)      /* cosines of inner and outer, density at the light, not used */ \
+    A(axis_u, 4)    /* of the polar volume; w: first column */ \
+    A(axis_v, 4)    \
+    A(axis_w, 4)    /* w: first shell */ \
+    A(polar, 4)     /* 1/step of u, v, r; r of the last shell */ \
+    A(polar_size, 4) /* columns, columns, shells of this light; w: 1 if directional */ \
+    A(shadow, 4)     /* kind, bias, 1 or -1 (reversed), cascades */ \
+    A(shadow_more, 4) /* layer, near, far, not used */ \
+    A(shadow_matrix, 64) /* rows of the matrix of light l and cascade c at (l 4 + c) 4 */
+
+/* The rays of a picture: x, y in -1..1 are clip coordinates, z the depth buffer's after (z z_scale + z_offset). */
+#define SCATTERI_GL_VIEW_BLOCK(V, A) \
+    V(eye)          /* origin of the ray at x = y = 0 */ \
+    V(eye_dx) \
+    V(eye_dy) \
+    V(forward)      /* direction there, not of unit length */ \
+    V(forward_dx) \
+    V(forward_dy) \
+    V(weight)       /* w at x, y, z, 1 */ \
+    V(range)        /* t = (range.x z + range.y) |direction| / w; z = range.z depth + range.w */ \
+    V(window)       /* x, y of the corner, 2/width, 2/height */ \
+    V(picture)      /* clear depth, divide, 1 if there is a depth texture, light to be shown */ \
+    V(show)         /* one of scatter_gl_show */ \
+    V(froxels)      /* nx, ny, nz, log(far / near) */ \
+    V(froxel_range) /* near, far */
+
+#define SCATTERI_GL_C_ONE(name) float name[4];
+#define SCATTERI_GL_C_ARRAY(name, count) float name[count][4];
+#define SCATTERI_GL_TEXT(text) SCATTERI_GL_TEXT_OF(text)
+#define SCATTERI_GL_TEXT_OF(text) #text
+#define SCATTERI_GL_GLSL_ONE(name) "    vec4 scatteri_" #name ";\n"
+#define SCATTERI_GL_GLSL_ARRAY(name, count) \
+    "    vec4 scatteri_" #name "[" SCATTERI_GL_TEXT(count) "];\n"
+
+typedef struct scatteri_gl_medium_block {
+    SCATTERI_GL_MEDIUM_BLOCK(SCATTERI_GL_C_ONE, SCATTERI_GL_C_ARRAY)
+} scatteri_gl_medium_block;
+
+typedef struct scatteri_gl_lights_block {
+    SCATTERI_GL_LIGHTS_BLOCK(SCATTERI_GL_C_ONE, SCATTERI_GL_C_ARRAY)
+} scatteri_gl_lights_block;
+
+typedef struct scatteri_gl_view_block {
+    SCATTERI_GL_VIEW_BLOCK(SCATTERI_GL_C_ONE, SCATTERI_GL_C_ARRAY)
+} scatteri_gl_view_block;
+
+typedef struct scatteri_gl_texture {
+    unsigned name, target;
+    int format, width, height, depth; /* internal format; depth 1: 2D */
+} scatteri_gl_texture;
+
+/* What decides about a program's text. */
+typedef struct scatteri_gl_key {
+    int pass;          /* index into scatteri_gl_passes */
+    unsigned features; /* SCATTERI_GL_HAS_... */
+    int slices;        /* layers that it fills at once */
+} scatteri_gl_key;
+
+typedef struct scatteri_gl_program {
+    scatteri_gl_key key;
+    unsigned name;
+    int at; /* location of the uniform ivec4 scatteri_at: what changes from draw to draw; -1: none */
+} scatteri_gl_program;
+
+enum {
+    SCATTERI_GL_TIME_INJECT,
+    SCATTERI_GL_TIME_DEPTH,
+    SCATTERI_GL_TIME_VIEW,
+    SCATTERI_GL_TIME_UPSAMPLE,
+    SCATTERI_GL_TIME_FROXELS,
+    SCATTERI_GL_TIMES
+};
+
+typedef struct scatteri_gl_timer {
+    unsigned begin, end; /* queries */
+    int pending;
+    float ms;
+} scatteri_gl_timer;
+
+/* A light on the GPU, and what its channel was filled for. */
+typedef struct scatteri_gl_lamp {
+    scatter_gl_light desc; /* direction of unit length */
+    scatter_depth layout;  /* source, method and where the cells lie; without values */
+    int filled;            /* the channel holds this source's depth */
+    int in_rim;            /* see scatteri_in_rim */
+} scatteri_gl_lamp;
+
+struct scatter_gl {
+    scatter_host host;
+    scatter_gl_desc desc; /* without zeros */
+    scatteri_gl_functions gl;
+    int es, version;          /* 330, 450, 300 ... */
+    int max_3d, max_2d, draw_buffers;
+    int can_blend_float, can_filter_float, can_draw_float;
+    int lost; /* no GL calls any more */
+
+    scatteri_medium medium;
+    scatter_vec3 ref; /* of all positions on the GPU */
+    int medium_version; /* grows with each change of the local terms */
+    scatteri_gl_lamp *lamps; /* max_lights + 1: the last is the eye */
+    int lamp_count, batch_count;
+    int has_eye;
+    scatter_quality quality; /* resolved */
+    scatteri_trim trim;
+    int ready;               /* volumes and tables are those of medium, lights and quality */
+
+    unsigned vertex_array, framebuffer;
+    unsigned medium_buffer, view_buffer, *light_buffers; /* one for each batch */
+    unsigned nearest, linear;                            /* samplers */
+    scatteri_gl_texture gaussians, rules, *grids, field, *volumes; /* volumes: one for each batch */
+    int grid_room;
+    scatteri_gl_texture running[2], wave[2]; /* of running sums and of the wavefront */
+    scatteri_gl_texture reduced[2], froxels;  /* L and T at reduced resolution */
+    const scatteri_gl_texture *density;       /* the field that is read: a grid's, or `field` */
+    int injected_version;                     /* of the medium in `field` */
+    int rule_nodes;                           /* `rules` are made for */
+
+    scatteri_gl_program *programs;
+    int program_count, program_room;
+    scatteri_gl_timer timers[SCATTERI_GL_TIMES];
+    scatter_gl_stats stats;
+    float *scratch; /* for uploads of tables */
+    size_t scratch_floats;
+    scatteri_gl_medium_block medium_block;
+    scatteri_gl_lights_block lights_block;
+    scatteri_gl_view_block view_block;
+};
+
 /* --------------------------------------------------------------------------------------- >>glsl */
 
 /* The counterpart of the C prelude before the core in scatter.h. */
@@ -528,17 +905,2016 @@ static const char scatteri_gl_tone[] =
 
 /* >>glsl core end */
 
+/* >>glsl passes: chapters by hand */
+
+static const char scatteri_gl_blocks[] =
+    "layout(std140) uniform scatteri_medium_block {\n" SCATTERI_GL_MEDIUM_BLOCK(
+        SCATTERI_GL_GLSL_ONE, SCATTERI_GL_GLSL_ARRAY)
+    "};\n"
+    "layout(std140) uniform scatteri_lights_block {\n" SCATTERI_GL_LIGHTS_BLOCK(
+        SCATTERI_GL_GLSL_ONE, SCATTERI_GL_GLSL_ARRAY)
+    "};\n"
+    "layout(std140) uniform scatteri_view_block {\n" SCATTERI_GL_VIEW_BLOCK(
+        SCATTERI_GL_GLSL_ONE, SCATTERI_GL_GLSL_ARRAY)
+    "};\n";
+
+static const char scatteri_gl_whole[] =
+    "void main() {\n"
+    "    vec2 corner = vec2(float((gl_VertexID << 1) & 2), float(gl_VertexID & 2));\n"
+    "    gl_Position = vec4(corner * 2.0 - 1.0, 0.0, 1.0);\n"
+    "}\n";
+
+static const char scatteri_gl_view[] =
+    "out vec4 scatteri_color;\n"
+    "void main() {\n"
+    "    scatteri_color = vec4(0.0, 0.0, 0.0, 0.0);\n"
+    "}\n";
+
 typedef struct scatteri_gl_chapter {
     const char *name, *text;
 } scatteri_gl_chapter;
 
-SCATTER_API const char *scatter_gl_glsl(const char *chapter) {
-    static const scatteri_gl_chapter chapters[] = {{"prelude", scatteri_gl_prelude},
-                                                   SCATTERI_GL_CORE};
+static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_gl_prelude},
+                                                           SCATTERI_GL_CORE
+                                                           {"blocks", scatteri_gl_blocks},
+                                                           {"whole", scatteri_gl_whole},
+                                                           {"view", scatteri_gl_view}};
+
+/* --------------------------------------------------------------------------------------- >>program */
+
+/* What a scene has and needs; each is a macro SCATTERI_name in its shaders. */
+#define SCATTERI_GL_FEATURES(F) \
+    F(GAUSSIANS)   /* in closed form */ \
+    F(FIELD)       /* density from a 3D texture */ \
+    F(FOG)         /* constant and height fog */ \
+    F(BOUNDED) \
+    F(COLORED)     /* extinction differs between the channels */ \
+    F(EMISSION) \
+    F(ONE_LOBE)    /* phase function; neither: isotropic */ \
+    F(TWO_LOBES) \
+    F(POINT)       /* kinds of lights in the batch */ \
+    F(SPOT) \
+    F(DIRECTIONAL) \
+    F(CELLS)       /* depth to the lights from cells of the local box; neither: in closed form */ \
+    F(POLAR)       /* from columns around the lights */ \
+    F(EYE)         /* depth to the eye from cells, too */ \
+    F(MARCH)       /* uniform steps */ \
+    F(SHADOWS)     /* some light has a shadow map */ \
+    F(SHADOW_2D_0) F(SHADOW_ARRAY_0) F(SHADOW_CUBE_0) \
+    F(SHADOW_2D_1) F(SHADOW_ARRAY_1) F(SHADOW_CUBE_1) \
+    F(SHADOW_2D_2) F(SHADOW_ARRAY_2) F(SHADOW_CUBE_2) \
+    F(SHADOW_2D_3) F(SHADOW_ARRAY_3) F(SHADOW_CUBE_3) \
+    F(TRANSMITTANCE) /* the pass gives T alone */ \
+    F(MORE)          /* a further batch: only L of its lights */ \
+    F(SHOW)          /* one of scatter_gl_show instead of the picture */
+
+#define SCATTERI_GL_FEATURE_INDEX(name) SCATTERI_GL_INDEX_##name,
+#define SCATTERI_GL_FEATURE_BIT(name) SCATTERI_GL_HAS_##name = 1 << SCATTERI_GL_INDEX_##name,
+#define SCATTERI_GL_FEATURE_NAME(name) #name,
+
+enum { SCATTERI_GL_FEATURES(SCATTERI_GL_FEATURE_INDEX) SCATTERI_GL_FEATURE_COUNT };
+enum { SCATTERI_GL_FEATURES(SCATTERI_GL_FEATURE_BIT) SCATTERI_GL_HAS_NOTHING = 0 };
+
+static const char *const scatteri_gl_feature_names[] = {
+    SCATTERI_GL_FEATURES(SCATTERI_GL_FEATURE_NAME)};
+
+/* The passes: which chapters make up their two shaders, in order. */
+typedef struct scatteri_gl_pass {
+    const char *name, *vertex, *fragment;
+    unsigned knows; /* features that its text depends on */
+} scatteri_gl_pass;
+
+enum {
+    SCATTERI_GL_PASS_VIEW,
+    SCATTERI_GL_PASSES
+};
+
+static const scatteri_gl_pass scatteri_gl_passes[] = {
+    {"view", "prelude whole", "prelude vector erf span quick integrals phase maps blocks view", ~0u},
+};
+
+static const struct {
+    const char *chapter;
+    unsigned features;
+} scatteri_gl_needed[] = {
+    {"phase", SCATTERI_GL_HAS_ONE_LOBE | SCATTERI_GL_HAS_TWO_LOBES},
+};
+
+/* A text in parts. */
+typedef struct scatteri_gl_source {
+    int count;
+    const char *parts[64];
+    char head[1600]; /* version and macros */
+} scatteri_gl_source;
+
+/* Whether `word` is among the words of `list`, which blanks separate; returns where it goes on, or NULL at the end. */
+static const char *scatteri_gl_next_word(const char *list, char *word, size_t room)
+{
+    size_t n = 0;
+    while (*list == ' ')
+        list++;
+    while (*list != ' ' && *list != 0 && n + 1 < room)
+        word[n++] = *list++;
+    word[n] = 0;
+    return n > 0 ? list : NULL;
+}
+
+static void scatteri_gl_say(char *text, size_t room, const char *format, ...)
+{
+    const size_t used = strlen(text);
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text + used, room - used, format, arguments);
+    va_end(arguments);
+}
+
+/* A chapter that only some scenes need, and the features that call for it. */
+static int scatteri_gl_needs(const char *chapter, unsigned features)
+{
     size_t i;
-    for (i = 0; i < sizeof chapters / sizeof chapters[0]; i++)
-        if (strcmp(chapters[i].name, chapter) == 0)
-            return chapters[i].text;
+    for (i = 0; i < sizeof scatteri_gl_needed / sizeof *scatteri_gl_needed; i++)
+        if (strcmp(scatteri_gl_needed[i].chapter, chapter) == 0)
+            return (scatteri_gl_needed[i].features & features) != 0;
+    return 1;
+}
+
+/* Text of a shader: version, macros, and of its chapters those that the features call for. */
+static void scatteri_gl_assemble(const char *version, scatteri_gl_key key, const char *chapters,
+                                 scatteri_gl_source *source)
+{
+    const char *rest = chapters;
+    char word[32];
+    int i;
+    source->head[0] = 0;
+    scatteri_gl_say(source->head, sizeof source->head, "#version %s\n#define SCATTERI_SLICES %d\n",
+                    version, key.slices);
+    for (i = 0; i < (int)SCATTERI_GL_FEATURE_COUNT; i++)
+        if (key.features >> i & 1u)
+            scatteri_gl_say(source->head, sizeof source->head, "#define SCATTERI_%s\n",
+                            scatteri_gl_feature_names[i]);
+    source->count = 0;
+    source->parts[source->count++] = source->head;
+    while ((rest = scatteri_gl_next_word(rest, word, sizeof word)) != NULL)
+        if (scatteri_gl_needs(word, key.features))
+            source->parts[source->count++] = scatter_gl_glsl(word);
+}
+
+/* All parts with numbered lines behind what the compiler said. */
+static void scatteri_gl_log_source(scatter_gl *f, const char *pass, const char *said,
+                                   const scatteri_gl_source *source)
+{
+    size_t room = strlen(said) + 256;
+    char *text, *out;
+    int i, line = 1;
+    for (i = 0; i < source->count; i++) {
+        const char *c;
+        room += strlen(source->parts[i]) + 8;
+        for (c = source->parts[i]; *c != 0; c++)
+            room += *c == '\n' ? 8 : 0;
+    }
+    text = f->host.log != NULL ? (char *)scatteri_allocate(&f->host, room) : NULL;
+    if (text == NULL)
+        return;
+    out = text + sprintf(text, "the shader of pass '%s' does not compile: %s\n%4d  ", pass, said,
+                         line);
+    for (i = 0; i < source->count; i++) {
+        const char *c;
+        for (c = source->parts[i]; *c != 0; c++) {
+            *out++ = *c;
+            if (*c == '\n')
+                out += sprintf(out, "%4d  ", ++line);
+        }
+    }
+    *out = 0;
+    f->host.log(f->host.user, SCATTER_UNSUPPORTED, text);
+    scatteri_release(&f->host, text);
+}
+
+static unsigned scatteri_gl_compile(scatter_gl *f, unsigned type, const char *pass,
+                                    const scatteri_gl_source *source)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    const unsigned shader = gl->CreateShader(type);
+    char said[512] = "";
+    int done = 0;
+    gl->ShaderSource(shader, source->count, source->parts, NULL);
+    gl->CompileShader(shader);
+    gl->GetShaderiv(shader, SCATTERI_GL_COMPILED, &done);
+    if (done)
+        return shader;
+    gl->GetShaderInfoLog(shader, (int)sizeof said, NULL, said);
+    scatteri_gl_log_source(f, pass, said, source);
+    gl->DeleteShader(shader);
+    return 0;
+}
+
+static const char *scatteri_gl_version_text(const scatter_gl *f)
+{
+    if (f->es)
+        return f->version >= 310 ? "310 es" : "300 es";
+    return f->version >= 450 ? "450 core" : f->version >= 410 ? "410 core" : "330 core";
+}
+
+/* Samplers and blocks of a linked program get their units and bindings. */
+static void scatteri_gl_set_units(scatter_gl *f, unsigned program, int first_unit, int first_block)
+{
+    static const char *const units[] = {
+        "scatteri_gaussians", "scatteri_rules",   "scatteri_field",   "scatteri_volume",
+        "scatteri_scene",     "scatteri_shadow0", "scatteri_shadow1", "scatteri_shadow2",
+        "scatteri_shadow3",   "scatteri_before",  "scatteri_before_too"};
+    static const char *const blocks[] = {"scatteri_medium_block", "scatteri_lights_block",
+                                         "scatteri_view_block"};
+    const scatteri_gl_functions *gl = &f->gl;
+    int i;
+    gl->UseProgram(program);
+    for (i = 0; i < (int)(sizeof units / sizeof *units); i++) {
+        const int location = gl->GetUniformLocation(program, units[i]);
+        if (location >= 0)
+            gl->Uniform1i(location, first_unit + i);
+    }
+    for (i = 0; i < (int)(sizeof blocks / sizeof *blocks); i++) {
+        const unsigned index = gl->GetUniformBlockIndex(program, blocks[i]);
+        if (index != SCATTERI_GL_INVALID_INDEX)
+            gl->UniformBlockBinding(program, index, (unsigned)(first_block + i));
+    }
+}
+
+static unsigned scatteri_gl_link(scatter_gl *f, scatteri_gl_key key)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    const scatteri_gl_pass *pass = &scatteri_gl_passes[key.pass];
+    scatteri_gl_source source;
+    unsigned vertex, fragment, program = 0;
+    char said[512] = "";
+    int done = 0;
+    scatteri_gl_assemble(scatteri_gl_version_text(f), key, pass->fragment, &source);
+    fragment = scatteri_gl_compile(f, SCATTERI_GL_FRAGMENT, pass->name, &source);
+    scatteri_gl_assemble(scatteri_gl_version_text(f), key, pass->vertex, &source);
+    vertex = scatteri_gl_compile(f, SCATTERI_GL_VERTEX, pass->name, &source);
+    if (vertex != 0 && fragment != 0) {
+        program = gl->CreateProgram();
+        gl->AttachShader(program, vertex);
+        gl->AttachShader(program, fragment);
+        gl->LinkProgram(program);
+        gl->GetProgramiv(program, SCATTERI_GL_LINKED, &done);
+    }
+    if (vertex != 0)
+        gl->DeleteShader(vertex);
+    if (fragment != 0)
+        gl->DeleteShader(fragment);
+    if (done)
+        return program;
+    if (program != 0) {
+        gl->GetProgramInfoLog(program, (int)sizeof said, NULL, said);
+        scatteri_fail(&f->host, SCATTER_UNSUPPORTED, "the shaders of pass '%s' do not link: %s",
+                      pass->name, said);
+        gl->DeleteProgram(program);
+    }
+    return 0;
+}
+
+static scatter_result scatteri_gl_room_for_program(scatter_gl *f)
+{
+    const int room = f->program_room > 0 ? 2 * f->program_room : 32;
+    scatteri_gl_program *programs;
+    if (f->program_count < f->program_room)
+        return SCATTER_OK;
+    programs = (scatteri_gl_program *)scatteri_allocate(&f->host, (size_t)room * sizeof *programs);
+    if (programs == NULL)
+        return scatteri_fail(&f->host, SCATTER_OUT_OF_MEMORY,
+                             "host.allocate gave no memory for %d programs", room);
+    if (f->program_count > 0)
+        memcpy(programs, f->programs, (size_t)f->program_count * sizeof *programs);
+    scatteri_release(&f->host, f->programs);
+    f->programs = programs;
+    f->program_room = room;
+    return SCATTER_OK;
+}
+
+/* The program of a key, compiled if there is none yet. */
+static scatter_result scatteri_gl_find_program(scatter_gl *f, scatteri_gl_key key,
+                                               const scatteri_gl_program **out)
+{
+    scatteri_gl_program *p;
+    scatter_result result;
+    int i;
+    for (i = 0; i < f->program_count; i++) {
+        *out = &f->programs[i];
+        if ((*out)->key.pass == key.pass && (*out)->key.features == key.features &&
+            (*out)->key.slices == key.slices)
+            return SCATTER_OK;
+    }
+    result = scatteri_gl_room_for_program(f);
+    if (result != SCATTER_OK)
+        return result;
+    p = &f->programs[f->program_count];
+    p->key = key;
+    p->name = scatteri_gl_link(f, key);
+    if (p->name == 0)
+        return SCATTER_UNSUPPORTED;
+    scatteri_gl_set_units(f, p->name, 0, 0);
+    p->at = f->gl.GetUniformLocation(p->name, "scatteri_at");
+    f->program_count++;
+    f->stats.programs++;
+    *out = p;
+    return SCATTER_OK;
+}
+
+/* ----------------------------------------------------------------------------------------- >>state
+   Everything that the passes touch, saved before and restored after each call. Where versions know state per draw
+   buffer or viewport, only index 0 is touched, besides blending and colour masks, which are switched for all. */
+
+enum { SCATTERI_GL_MOST_BUFFERS = 8, SCATTERI_GL_TARGETS = 4 };
+
+static const unsigned scatteri_gl_targets[SCATTERI_GL_TARGETS] = {
+    SCATTERI_GL_TEXTURE_2D, SCATTERI_GL_TEXTURE_3D, SCATTERI_GL_ARRAY_2D, SCATTERI_GL_CUBE};
+static const unsigned scatteri_gl_target_bindings[SCATTERI_GL_TARGETS] = {0x8069, 0x806A, 0x8C1D,
+                                                                          0x8514};
+
+/* Switches that would change or discard what a pass draws; all are off during it. */
+static const struct {
+    unsigned name;
+    int es; /* OpenGL ES has it, too */
+} scatteri_gl_switches[] = {
+    {0x0B71, 1}, /* DEPTH_TEST */
+    {0x0B90, 1}, /* STENCIL_TEST */
+    {0x0B44, 1}, /* CULL_FACE */
+    {0x8C89, 1}, /* RASTERIZER_DISCARD */
+    {0x809E, 1}, /* SAMPLE_ALPHA_TO_COVERAGE */
+    {0x80A0, 1}, /* SAMPLE_COVERAGE */
+    {0x809F, 0}, /* SAMPLE_ALPHA_TO_ONE */
+    {0x8E51, 0}, /* SAMPLE_MASK */
+    {0x0BF2, 0}, /* COLOR_LOGIC_OP */
+    {0x0B41, 0}, /* POLYGON_SMOOTH */
+    {0x3000, 0}, /* CLIP_DISTANCE0 and the others */
+    {0x3001, 0}, {0x3002, 0}, {0x3003, 0}, {0x3004, 0}, {0x3005, 0}, {0x3006, 0}, {0x3007, 0}};
+
+enum { SCATTERI_GL_SWITCHES = sizeof scatteri_gl_switches / sizeof *scatteri_gl_switches };
+
+/* Pixel storage that an upload depends on, and what it expects. */
+static const struct {
+    unsigned name;
+    int value, es;
+} scatteri_gl_unpack[] = {
+    {0x0CF5, 4, 1}, /* UNPACK_ALIGNMENT */
+    {0x0CF2, 0, 1}, /* UNPACK_ROW_LENGTH */
+    {0x806E, 0, 1}, /* UNPACK_IMAGE_HEIGHT */
+    {0x0CF4, 0, 1}, /* UNPACK_SKIP_PIXELS */
+    {0x0CF3, 0, 1}, /* UNPACK_SKIP_ROWS */
+    {0x806D, 0, 1}, /* UNPACK_SKIP_IMAGES */
+    {0x0CF0, 0, 0}, /* UNPACK_SWAP_BYTES */
+    {0x0CF1, 0, 0}  /* UNPACK_LSB_FIRST */
+};
+
+enum { SCATTERI_GL_UNPACKS = sizeof scatteri_gl_unpack / sizeof *scatteri_gl_unpack };
+
+typedef struct scatteri_gl_state {
+    int program, vertex_array, framebuffer, unit, uniform_buffer, unpack_buffer;
+    int textures[SCATTERI_GL_UNITS][SCATTERI_GL_TARGETS], samplers[SCATTERI_GL_UNITS];
+    int block_buffers[3];
+    int64_t block_starts[3], block_sizes[3];
+    int viewport[4];
+    float viewport_exact[4];
+    int polygon_mode[2];
+    int blend_functions[4], blend_equations[2];
+    int unpack[SCATTERI_GL_UNPACKS];
+    scatteri_gl_byte blend[SCATTERI_GL_MOST_BUFFERS], scissor, on[SCATTERI_GL_SWITCHES];
+    scatteri_gl_byte mask[SCATTERI_GL_MOST_BUFFERS][4];
+} scatteri_gl_state;
+
+static int scatteri_gl_get(const scatter_gl *f, unsigned name)
+{
+    int value = 0;
+    f->gl.GetIntegerv(name, &value);
+    return value;
+}
+
+static void scatteri_gl_switch(const scatter_gl *f, unsigned name, int on)
+{
+    if (on)
+        f->gl.Enable(name);
+    else
+        f->gl.Disable(name);
+}
+
+/* Draw buffers whose masks and blending are apart from each other; 1 where versions know only all of them together. */
+static int scatteri_gl_indexed(const scatter_gl *f)
+{
+    return f->gl.ColorMaski != NULL && f->gl.Enablei != NULL ? f->draw_buffers : 1;
+}
+
+static void scatteri_gl_save_output(const scatter_gl *f, scatteri_gl_state *s)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    const int buffers = scatteri_gl_indexed(f);
+    int i;
+    for (i = 0; i < buffers; i++) {
+        if (buffers > 1) {
+            s->blend[i] = gl->IsEnabledi(SCATTERI_GL_BLEND, (unsigned)i);
+            gl->GetBooleani_v(SCATTERI_GL_COLOR_WRITEMASK, (unsigned)i, s->mask[i]);
+        } else {
+            s->blend[i] = gl->IsEnabled(SCATTERI_GL_BLEND);
+            gl->GetBooleanv(SCATTERI_GL_COLOR_WRITEMASK, s->mask[i]);
+        }
+    }
+    s->blend_functions[0] = scatteri_gl_get(f, SCATTERI_GL_BLEND_SRC_RGB);
+    s->blend_functions[1] = scatteri_gl_get(f, SCATTERI_GL_BLEND_DST_RGB);
+    s->blend_functions[2] = scatteri_gl_get(f, SCATTERI_GL_BLEND_SRC_ALPHA);
+    s->blend_functions[3] = scatteri_gl_get(f, SCATTERI_GL_BLEND_DST_ALPHA);
+    s->blend_equations[0] = scatteri_gl_get(f, SCATTERI_GL_BLEND_EQUATION_RGB);
+    s->blend_equations[1] = scatteri_gl_get(f, SCATTERI_GL_BLEND_EQUATION_ALPHA);
+    gl->GetIntegerv(SCATTERI_GL_VIEWPORT, s->viewport);
+    if (gl->ViewportIndexedf != NULL)
+        gl->GetFloati_v(SCATTERI_GL_VIEWPORT, 0, s->viewport_exact);
+    s->scissor = gl->IsEnabled(SCATTERI_GL_SCISSOR_TEST);
+    for (i = 0; i < (int)SCATTERI_GL_SWITCHES; i++)
+        if (!f->es || scatteri_gl_switches[i].es)
+            s->on[i] = gl->IsEnabled(scatteri_gl_switches[i].name);
+    if (!f->es)
+        gl->GetIntegerv(SCATTERI_GL_POLYGON_MODE, s->polygon_mode);
+}
+
+static void scatteri_gl_save_input(const scatter_gl *f, scatteri_gl_state *s)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    unsigned i, t;
+    s->unit = scatteri_gl_get(f, SCATTERI_GL_ACTIVE_TEXTURE);
+    for (i = 0; i < (unsigned)SCATTERI_GL_UNITS; i++) {
+        gl->ActiveTexture(SCATTERI_GL_TEXTURE_0 + i);
+        for (t = 0; t < (unsigned)SCATTERI_GL_TARGETS; t++)
+            gl->GetIntegerv(scatteri_gl_target_bindings[t], &s->textures[i][t]);
+        gl->GetIntegerv(SCATTERI_GL_SAMPLER_BINDING, &s->samplers[i]);
+    }
+    s->uniform_buffer = scatteri_gl_get(f, 0x8A28);
+    for (i = 0; i < 3; i++) {
+        gl->GetIntegeri_v(0x8A28, i, &s->block_buffers[i]);
+        gl->GetInteger64i_v(SCATTERI_GL_UNIFORM_BUFFER_START, i, &s->block_starts[i]);
+        gl->GetInteger64i_v(SCATTERI_GL_UNIFORM_BUFFER_SIZE, i, &s->block_sizes[i]);
+    }
+    s->unpack_buffer = scatteri_gl_get(f, SCATTERI_GL_UNPACK_BUFFER_BINDING);
+    for (i = 0; i < (unsigned)SCATTERI_GL_UNPACKS; i++)
+        if (!f->es || scatteri_gl_unpack[i].es)
+            s->unpack[i] = scatteri_gl_get(f, scatteri_gl_unpack[i].name);
+}
+
+static void scatteri_gl_blend_as(const scatter_gl *f, const int *functions, const int *equations)
+{
+    const unsigned sc = (unsigned)functions[0], dc = (unsigned)functions[1],
+                   sa = (unsigned)functions[2], da = (unsigned)functions[3];
+    if (f->gl.BlendFuncSeparatei != NULL) {
+        f->gl.BlendFuncSeparatei(0, sc, dc, sa, da);
+        f->gl.BlendEquationSeparatei(0, (unsigned)equations[0], (unsigned)equations[1]);
+    } else {
+        f->gl.BlendFuncSeparate(sc, dc, sa, da);
+        f->gl.BlendEquationSeparate((unsigned)equations[0], (unsigned)equations[1]);
+    }
+}
+
+static void scatteri_gl_switch_scissor(const scatter_gl *f, int on)
+{
+    if (f->gl.ScissorIndexed == NULL)
+        scatteri_gl_switch(f, SCATTERI_GL_SCISSOR_TEST, on);
+    else if (on)
+        f->gl.Enablei(SCATTERI_GL_SCISSOR_TEST, 0);
+    else
+        f->gl.Disablei(SCATTERI_GL_SCISSOR_TEST, 0);
+}
+
+static void scatteri_gl_restore_output(const scatter_gl *f, const scatteri_gl_state *s)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    const int buffers = scatteri_gl_indexed(f);
+    int i;
+    for (i = 0; i < buffers; i++) {
+        const scatteri_gl_byte *m = s->mask[i];
+        if (buffers > 1) {
+            gl->ColorMaski((unsigned)i, m[0], m[1], m[2], m[3]);
+            (s->blend[i] ? gl->Enablei : gl->Disablei)(SCATTERI_GL_BLEND, (unsigned)i);
+        } else {
+            gl->ColorMask(m[0], m[1], m[2], m[3]);
+            scatteri_gl_switch(f, SCATTERI_GL_BLEND, s->blend[i]);
+        }
+    }
+    scatteri_gl_blend_as(f, s->blend_functions, s->blend_equations);
+    if (gl->ViewportIndexedf != NULL)
+        gl->ViewportIndexedf(0, s->viewport_exact[0], s->viewport_exact[1], s->viewport_exact[2],
+                             s->viewport_exact[3]);
+    else
+        gl->Viewport(s->viewport[0], s->viewport[1], s->viewport[2], s->viewport[3]);
+    scatteri_gl_switch_scissor(f, s->scissor);
+    for (i = 0; i < (int)SCATTERI_GL_SWITCHES; i++)
+        if (!f->es || scatteri_gl_switches[i].es)
+            scatteri_gl_switch(f, scatteri_gl_switches[i].name, s->on[i]);
+    if (!f->es && gl->PolygonMode != NULL)
+        gl->PolygonMode(SCATTERI_GL_FRONT_AND_BACK, (unsigned)s->polygon_mode[0]);
+}
+
+static void scatteri_gl_restore_input(const scatter_gl *f, const scatteri_gl_state *s)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    unsigned i, t;
+    for (i = 0; i < (unsigned)SCATTERI_GL_UNITS; i++) {
+        gl->ActiveTexture(SCATTERI_GL_TEXTURE_0 + i);
+        for (t = 0; t < (unsigned)SCATTERI_GL_TARGETS; t++)
+            gl->BindTexture(scatteri_gl_targets[t], (unsigned)s->textures[i][t]);
+        gl->BindSampler(i, (unsigned)s->samplers[i]);
+    }
+    gl->ActiveTexture((unsigned)s->unit);
+    for (i = 0; i < 3; i++) {
+        const unsigned buffer = (unsigned)s->block_buffers[i];
+        if (s->block_sizes[i] > 0)
+            gl->BindBufferRange(SCATTERI_GL_UNIFORM_BUFFER, i, buffer,
+                                (ptrdiff_t)s->block_starts[i], (ptrdiff_t)s->block_sizes[i]);
+        else
+            gl->BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, i, buffer);
+    }
+    gl->BindBuffer(SCATTERI_GL_UNIFORM_BUFFER, (unsigned)s->uniform_buffer);
+    gl->BindBuffer(SCATTERI_GL_UNPACK_BUFFER, (unsigned)s->unpack_buffer);
+    for (i = 0; i < (unsigned)SCATTERI_GL_UNPACKS; i++)
+        if (!f->es || scatteri_gl_unpack[i].es)
+            gl->PixelStorei(scatteri_gl_unpack[i].name, s->unpack[i]);
+}
+
+static void scatteri_gl_restore(const scatter_gl *f, const scatteri_gl_state *s)
+{
+    if (f->desc.keep_state)
+        return;
+    scatteri_gl_restore_input(f, s);
+    scatteri_gl_restore_output(f, s);
+    f->gl.UseProgram((unsigned)s->program);
+    f->gl.BindVertexArray((unsigned)s->vertex_array);
+    f->gl.BindFramebuffer(SCATTERI_GL_DRAW_FRAMEBUFFER, (unsigned)s->framebuffer);
+}
+
+/* All channels of the first `count` draw buffers are written, those behind are not. */
+static void scatteri_gl_write_buffers(const scatter_gl *f, int count)
+{
+    const int buffers = scatteri_gl_indexed(f);
+    int i;
+    if (buffers == 1)
+        f->gl.ColorMask(1, 1, 1, 1);
+    for (i = 0; i < buffers && buffers > 1; i++) {
+        const scatteri_gl_byte on = (scatteri_gl_byte)(i < count);
+        f->gl.ColorMaski((unsigned)i, on, on, on, on);
+    }
+}
+
+/* The state in which passes draw. */
+static void scatteri_gl_prepare(const scatter_gl *f)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    int i;
+    gl->BindVertexArray(f->vertex_array);
+    gl->Disable(SCATTERI_GL_BLEND);
+    scatteri_gl_switch_scissor(f, 0);
+    for (i = 0; i < (int)SCATTERI_GL_SWITCHES; i++)
+        if (!f->es || scatteri_gl_switches[i].es)
+            gl->Disable(scatteri_gl_switches[i].name);
+    if (!f->es && gl->PolygonMode != NULL)
+        gl->PolygonMode(SCATTERI_GL_FRONT_AND_BACK, SCATTERI_GL_FILL);
+    gl->BindBuffer(SCATTERI_GL_UNPACK_BUFFER, 0);
+    for (i = 0; i < (int)SCATTERI_GL_UNPACKS; i++)
+        if (!f->es || scatteri_gl_unpack[i].es)
+            gl->PixelStorei(scatteri_gl_unpack[i].name, scatteri_gl_unpack[i].value);
+    gl->BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, 0, f->medium_buffer);
+    gl->BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, 2, f->view_buffer);
+}
+
+static void scatteri_gl_save(const scatter_gl *f, scatteri_gl_state *s)
+{
+    memset(s, 0, sizeof *s);
+    if (!f->desc.keep_state) {
+        s->program = scatteri_gl_get(f, SCATTERI_GL_CURRENT_PROGRAM);
+        s->vertex_array = scatteri_gl_get(f, SCATTERI_GL_VERTEX_ARRAY_BINDING);
+        s->framebuffer = scatteri_gl_get(f, SCATTERI_GL_DRAW_BINDING);
+        scatteri_gl_save_output(f, s);
+        scatteri_gl_save_input(f, s);
+    }
+    scatteri_gl_prepare(f);
+}
+
+/* -------------------------------------------------------------------------------------- >>textures */
+
+/* Bytes of a texel. */
+static int scatteri_gl_texel(int format)
+{
+    switch (format) {
+    case SCATTERI_GL_R16F: return 2;
+    case SCATTERI_GL_R32F: return 4;
+    case SCATTERI_GL_RG32F:
+    case SCATTERI_GL_RGBA16F: return 8;
+    default: return 16;
+    }
+}
+
+static unsigned scatteri_gl_channels(int format)
+{
+    return format == SCATTERI_GL_R16F || format == SCATTERI_GL_R32F ? SCATTERI_GL_RED
+           : format == SCATTERI_GL_RG32F                           ? SCATTERI_GL_RG
+                                                                   : SCATTERI_GL_RGBA;
+}
+
+static size_t scatteri_gl_texture_bytes(const scatteri_gl_texture *t)
+{
+    return (size_t)scatteri_gl_texel(t->format) * (size_t)t->width * (size_t)t->height *
+           (size_t)t->depth;
+}
+
+static void scatteri_gl_drop_texture(scatter_gl *f, scatteri_gl_texture *t)
+{
+    if (t->name != 0 && !f->lost)
+        f->gl.DeleteTextures(1, &t->name);
+    if (t->name != 0)
+        f->stats.texture_bytes -= scatteri_gl_texture_bytes(t);
+    memset(t, 0, sizeof *t);
+}
+
+/* Binds a texture and the sampler to a unit. */
+static void scatteri_gl_bind(const scatter_gl *f, int unit, unsigned target, unsigned texture,
+                             unsigned sampler)
+{
+    f->gl.ActiveTexture(SCATTERI_GL_TEXTURE_0 + (unsigned)unit);
+    f->gl.BindTexture(target, texture);
+    f->gl.BindSampler((unsigned)unit, sampler);
+}
+
+/* Makes a texture of that size and format, unless it is one already; depth 1 is 2D. */
+static scatter_result scatteri_gl_size_texture(scatter_gl *f, scatteri_gl_texture *t, int format,
+                                               int width, int height, int depth)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    const int most = depth > 1 ? f->max_3d : f->max_2d;
+    if (t->name != 0 && t->format == format && t->width == width && t->height == height &&
+        t->depth == depth)
+        return SCATTER_OK;
+    if (width > most || height > most || depth > most)
+        return scatteri_fail(&f->host, SCATTER_TOO_LARGE,
+                             "a texture of %d x %d x %d is needed, this GL context has at most %d",
+                             width, height, depth, most);
+    scatteri_gl_drop_texture(f, t);
+    t->target = depth > 1 ? SCATTERI_GL_TEXTURE_3D : SCATTERI_GL_TEXTURE_2D;
+    t->format = format;
+    t->width = width;
+    t->height = height;
+    t->depth = depth;
+    gl->GenTextures(1, &t->name);
+    scatteri_gl_bind(f, SCATTERI_GL_UNIT_BEFORE, t->target, t->name, 0);
+    gl->TexParameteri(t->target, SCATTERI_GL_MIN_FILTER, SCATTERI_GL_NEAREST);
+    gl->TexParameteri(t->target, SCATTERI_GL_MAG_FILTER, SCATTERI_GL_NEAREST);
+    if (depth > 1)
+        gl->TexImage3D(t->target, 0, format, width, height, depth, 0, scatteri_gl_channels(format),
+                       SCATTERI_GL_FLOAT, NULL);
+    else
+        gl->TexImage2D(t->target, 0, format, width, height, 0, scatteri_gl_channels(format),
+                       SCATTERI_GL_FLOAT, NULL);
+    f->stats.textures++;
+    f->stats.texture_bytes += scatteri_gl_texture_bytes(t);
+    return SCATTER_OK;
+}
+
+/* Values for a whole texture. */
+static void scatteri_gl_upload(scatter_gl *f, const scatteri_gl_texture *t, int rows,
+                               const float *values)
+{
+    scatteri_gl_bind(f, SCATTERI_GL_UNIT_BEFORE, t->target, t->name, 0);
+    if (t->target == SCATTERI_GL_TEXTURE_3D)
+        f->gl.TexSubImage3D(t->target, 0, 0, 0, 0, t->width, t->height, t->depth,
+                            scatteri_gl_channels(t->format), SCATTERI_GL_FLOAT, values);
+    else
+        f->gl.TexSubImage2D(t->target, 0, 0, 0, t->width, rows, scatteri_gl_channels(t->format),
+                            SCATTERI_GL_FLOAT, values);
+}
+
+/* Binds a texture that shaders read between its texels, or NULL. */
+static void scatteri_gl_read_smooth(const scatter_gl *f, int unit, const scatteri_gl_texture *t)
+{
+    if (t != NULL && t->name != 0)
+        scatteri_gl_bind(f, unit, t->target, t->name, f->linear);
+}
+
+static void scatteri_gl_read_texels(const scatter_gl *f, int unit, const scatteri_gl_texture *t)
+{
+    if (t != NULL && t->name != 0)
+        scatteri_gl_bind(f, unit, t->target, t->name, f->nearest);
+}
+
+/* --------------------------------------------------------------------------------------- >>drawing */
+
+/* A target of the fog's own framebuffer: a layer of a 3D texture, or a 2D texture. */
+typedef struct scatteri_gl_layer {
+    const scatteri_gl_texture *texture;
+    int layer;
+} scatteri_gl_layer;
+
+static void scatteri_gl_set_viewport(const scatter_gl *f, int x, int y, int width, int height)
+{
+    if (f->gl.ViewportIndexedf != NULL)
+        f->gl.ViewportIndexedf(0, (float)x, (float)y, (float)width, (float)height);
+    else
+        f->gl.Viewport(x, y, width, height);
+}
+
+/* The next draws go into these layers, all of one size. */
+static scatter_result scatteri_gl_target(scatter_gl *f, const scatteri_gl_layer *layers, int count)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    unsigned buffers[SCATTERI_GL_MOST_BUFFERS];
+    int i;
+    gl->BindFramebuffer(SCATTERI_GL_DRAW_FRAMEBUFFER, f->framebuffer);
+    for (i = 0; i < f->draw_buffers; i++) {
+        const unsigned at = SCATTERI_GL_COLOR_0 + (unsigned)i;
+        if (i >= count)
+            gl->FramebufferTexture2D(SCATTERI_GL_DRAW_FRAMEBUFFER, at, SCATTERI_GL_TEXTURE_2D, 0,
+                                     0);
+        else if (layers[i].texture->target == SCATTERI_GL_TEXTURE_3D)
+            gl->FramebufferTextureLayer(SCATTERI_GL_DRAW_FRAMEBUFFER, at, layers[i].texture->name,
+                                        0, layers[i].layer);
+        else
+            gl->FramebufferTexture2D(SCATTERI_GL_DRAW_FRAMEBUFFER, at, SCATTERI_GL_TEXTURE_2D,
+                                     layers[i].texture->name, 0);
+        buffers[i] = i < count ? at : 0;
+    }
+    gl->DrawBuffers(count, buffers);
+    scatteri_gl_write_buffers(f, count);
+    scatteri_gl_set_viewport(f, 0, 0, layers[0].texture->width, layers[0].texture->height);
+    if (gl->CheckFramebufferStatus(SCATTERI_GL_DRAW_FRAMEBUFFER) != SCATTERI_GL_COMPLETE)
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "this GL context cannot draw into textures of format 0x%04X",
+                             (unsigned)layers[0].texture->format);
+    return SCATTER_OK;
+}
+
+/* Layers first..first+count-1 of a volume. */
+static scatter_result scatteri_gl_target_slices(scatter_gl *f, const scatteri_gl_texture *volume,
+                                                int first, int count)
+{
+    scatteri_gl_layer layers[SCATTERI_GL_MOST_BUFFERS];
+    int i;
+    for (i = 0; i < count; i++) {
+        layers[i].texture = volume;
+        layers[i].layer = first + i;
+    }
+    return scatteri_gl_target(f, layers, count);
+}
+
+/* The program of a pass becomes current. */
+static scatter_result scatteri_gl_use(scatter_gl *f, int pass, unsigned features, int slices,
+                                      const scatteri_gl_program **out)
+{
+    scatteri_gl_key key;
+    scatter_result result;
+    key.pass = pass;
+    key.features = features & scatteri_gl_passes[pass].knows;
+    key.slices = slices;
+    result = scatteri_gl_find_program(f, key, out);
+    if (result == SCATTER_OK)
+        f->gl.UseProgram((*out)->name);
+    return result;
+}
+
+/* One triangle over the whole viewport; x..w reach the shader as scatteri_at. */
+static void scatteri_gl_fill(scatter_gl *f, const scatteri_gl_program *program, int x, int y, int z,
+                             int w)
+{
+    if (program->at >= 0)
+        f->gl.Uniform4i(program->at, x, y, z, w);
+    f->gl.DrawArrays(SCATTERI_GL_TRIANGLES, 0, 3);
+}
+
+static void scatteri_gl_blend(const scatter_gl *f, int source, int target, int alpha_source,
+                              int alpha_target)
+{
+    int functions[4], equations[2];
+    functions[0] = source;
+    functions[1] = target;
+    functions[2] = alpha_source;
+    functions[3] = alpha_target;
+    equations[0] = equations[1] = SCATTERI_GL_FUNC_ADD;
+    f->gl.Enable(SCATTERI_GL_BLEND);
+    scatteri_gl_blend_as(f, functions, equations);
+}
+
+static void scatteri_gl_begin_timer(scatter_gl *f, int which)
+{
+    scatteri_gl_timer *t = &f->timers[which];
+    if (!f->desc.timers || f->gl.QueryCounter == NULL || t->pending)
+        return;
+    if (t->begin == 0) {
+        f->gl.GenQueries(1, &t->begin);
+        f->gl.GenQueries(1, &t->end);
+    }
+    f->gl.QueryCounter(t->begin, SCATTERI_GL_TIMESTAMP);
+}
+
+static void scatteri_gl_end_timer(scatter_gl *f, int which)
+{
+    scatteri_gl_timer *t = &f->timers[which];
+    if (t->begin == 0 || t->pending)
+        return;
+    f->gl.QueryCounter(t->end, SCATTERI_GL_TIMESTAMP);
+    t->pending = 1;
+}
+
+/* ----------------------------------------------------------------------------------------- >>blocks */
+
+static void scatteri_gl_put(float *to, float x, float y, float z, float w)
+{
+    to[0] = x;
+    to[1] = y;
+    to[2] = z;
+    to[3] = w;
+}
+
+static void scatteri_gl_put3(float *to, scatter_vec3 v, float w)
+{
+    scatteri_gl_put(to, v.x, v.y, v.z, w);
+}
+
+static void scatteri_gl_send(scatter_gl *f, unsigned buffer, const void *block, size_t bytes)
+{
+    f->gl.BindBuffer(SCATTERI_GL_UNIFORM_BUFFER, buffer);
+    f->gl.BufferSubData(SCATTERI_GL_UNIFORM_BUFFER, 0, (ptrdiff_t)bytes, block);
+}
+
+/* A box that holds everything, if the medium has none. */
+static scatter_box scatteri_gl_box(const scatter_gl *f, int exists, scatter_box box)
+{
+    const scatter_vec3 far = {SCATTERI_FAR, SCATTERI_FAR, SCATTERI_FAR};
+    scatter_box all;
+    all.min = scatteri_scale(far, -1.0f);
+    all.max = far;
+    return exists ? scatteri_box_from(box, f->ref) : all;
+}
+
+static void scatteri_gl_send_medium(scatter_gl *f)
+{
+    const scatteri_medium *m = &f->medium;
+    const scatter_medium *d = &m->desc;
+    const scatter_box bounds = scatteri_gl_box(f, d->bounded, d->bounds);
+    const scatter_box local = scatteri_gl_box(f, m->has_local, m->local);
+    scatteri_gl_medium_block *b = &f->medium_block;
+    size_t i;
+    memset(b, 0, sizeof *b);
+    scatteri_gl_put3(b->extinction, d->extinction, m->sigma_most);
+    scatteri_gl_put3(b->albedo, scatteri_mul(d->albedo, d->extinction), m->sigma_least);
+    scatteri_gl_put3(b->emission, d->emission, d->constant);
+    scatteri_gl_put(b->lobe, m->lobes.g1, m->lobes.alpha1, m->lobes.g2, m->lobes.alpha2);
+    scatteri_gl_put(b->lobes, m->lobes.weight, m->turn, (float)m->gaussians.count,
+                    (float)d->height_count);
+    scatteri_gl_put3(b->bounds_min, bounds.min, 0.0f);
+    scatteri_gl_put3(b->bounds_max, bounds.max, 0.0f);
+    scatteri_gl_put3(b->local_min, local.min, (float)f->quality.grid);
+    scatteri_gl_put3(b->local_max, local.max, 0.0f);
+    if (f->density != NULL && d->grid_count > 0 && f->density != &f->field) {
+        const scatteri_field *field = &m->fields[0];
+        const scatter_box box = scatteri_box_from(field->grid.box, f->ref);
+        scatteri_gl_put3(b->field_min, box.min, field->scale);
+        scatteri_gl_put3(b->field_max, box.max, 0.0f);
+    } else {
+        scatteri_gl_put3(b->field_min, local.min, 1.0f);
+        scatteri_gl_put3(b->field_max, local.max, 0.0f);
+    }
+    if (f->density != NULL)
+        scatteri_gl_put(b->field_size, (float)f->density->width, (float)f->density->height,
+                        (float)f->density->depth, 0.0f);
+    scatteri_gl_put(b->trim, f->trim.rays, 0.0f, 0.0f, 0.0f);
+    scatteri_gl_put(b->nodes, (float)f->quality.nodes, SCATTERI_PANEL, (float)f->quality.nodes,
+                    (float)SCATTERI_PROBES);
+    for (i = 0; i < d->height_count && i < (size_t)SCATTERI_GL_HEIGHTS; i++)
+        scatteri_gl_put(b->heights[i], d->heights[i].density, d->heights[i].y0 - f->ref.y,
+                        d->heights[i].scale, 0.0f);
+    scatteri_gl_send(f, f->medium_buffer, b, sizeof *b);
+}
+
+/* Light `lamp` of the fog as number l of its batch. */
+static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *lamp)
+{
+    scatteri_gl_lights_block *b = &f->lights_block;
+    const scatter_light *d = &lamp->desc.light;
+    const scatter_gl_shadow *s = &lamp->desc.shadow;
+    const scatter_depth *p = &lamp->layout;
+    const int directional = d->kind == SCATTER_LIGHT_DIRECTIONAL;
+    scatter_vec3 at = directional ? scatteri_v3(0.0f, 0.0f, 0.0f) : scatteri_sub(d->position, f->ref);
+    int c, row;
+    scatteri_gl_put3(b->light[l], at, (float)d->kind);
+    scatteri_gl_put3(b->direction[l], d->direction, directional ? 0.0f : d->radius);
+    scatteri_gl_put3(b->intensity[l], d->intensity, (float)lamp->in_rim);
+    scatteri_gl_put(b->cone[l], (float)cos((double)d->inner), (float)cos((double)d->outer),
+                    p->at_source, 0.0f);
+    if (directional) /* columns count from a corner of the local box */
+        at = scatteri_sub(p->box.min, f->ref);
+    scatteri_gl_put3(b->axis_u[l], p->axis_u, p->low_u + (directional ? scatteri_dot(at, p->axis_u) : 0.0f));
+    scatteri_gl_put3(b->axis_v[l], p->axis_v, p->low_v + (directional ? scatteri_dot(at, p->axis_v) : 0.0f));
+    scatteri_gl_put3(b->axis_w[l], p->axis_w, p->low_r + (directional ? scatteri_dot(at, p->axis_w) : 0.0f));
+    if (p->step_u > 0.0f)
+        scatteri_gl_put(b->polar[l], 1.0f / p->step_u, 1.0f / p->step_v, 1.0f / p->step_r,
+                        b->axis_w[l][3] + (float)(p->nz - 1) * p->step_r);
+    scatteri_gl_put(b->polar_size[l], (float)p->nx, (float)p->ny, (float)p->nz, (float)directional);
+    scatteri_gl_put(b->shadow[l], (float)s->kind, s->bias, s->reversed ? -1.0f : 1.0f,
+                    (float)(s->cascades > 1 ? s->cascades : 1));
+    scatteri_gl_put(b->shadow_more[l], (float)s->layer, s->near, s->far, 0.0f);
+    for (c = 0; c < (int)SCATTERI_GL_CASCADES && s->kind != SCATTER_GL_SHADOW_CUBE; c++)
+        for (row = 0; row < 4; row++) {
+            const float *m = s->matrix[c];
+            float *to = b->shadow_matrix[(l * SCATTERI_GL_CASCADES + c) * 4 + row];
+            scatteri_gl_put(to, m[row], m[4 + row], m[8 + row],
+                            m[row] * f->ref.x + m[4 + row] * f->ref.y + m[8 + row] * f->ref.z +
+                                m[12 + row]);
+        }
+}
+
+/* --------------------------------------------------------------------------------------- >>volumes */
+
+/* Fills f->field with the density of the medium's local terms. */
+static scatter_result scatteri_gl_inject(scatter_gl *f)
+{
+    return scatteri_fail(&f->host, SCATTER_UNSUPPORTED, "injection is not there yet");
+}
+
+/* Fills f->volumes[batch] with the depth of its sources. */
+static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch)
+{
+    (void)batch;
+    return scatteri_fail(&f->host, SCATTER_UNSUPPORTED, "propagation is not there yet");
+}
+
+/* ----------------------------------------------------------------------------------------- >>update */
+
+static unsigned scatteri_gl_medium_features(const scatter_gl *f)
+{
+    const scatteri_medium *m = &f->medium;
+    const scatter_vec3 e = m->desc.emission;
+    unsigned features = 0;
+    if (f->quality.density == SCATTER_DENSITY_EXACT && m->gaussians.count > 0)
+        features |= SCATTERI_GL_HAS_GAUSSIANS;
+    if (f->density != NULL)
+        features |= SCATTERI_GL_HAS_FIELD;
+    if (m->has_analytic)
+        features |= SCATTERI_GL_HAS_FOG;
+    if (m->desc.bounded)
+        features |= SCATTERI_GL_HAS_BOUNDED;
+    if (!m->gray)
+        features |= SCATTERI_GL_HAS_COLORED;
+    if (e.x > 0.0f || e.y > 0.0f || e.z > 0.0f)
+        features |= SCATTERI_GL_HAS_EMISSION;
+    if (m->lobes.weight > 0.0f)
+        features |= SCATTERI_GL_HAS_TWO_LOBES;
+    else if (m->lobes.g1 > 0.0f || m->lobes.alpha1 > 0.0f)
+        features |= SCATTERI_GL_HAS_ONE_LOBE;
+    if (f->quality.ray == SCATTER_RAY_MARCH)
+        features |= SCATTERI_GL_HAS_MARCH;
+    if (m->has_local && f->quality.depth == SCATTER_DEPTH_POLAR)
+        features |= SCATTERI_GL_HAS_POLAR;
+    else if (m->has_local && f->quality.depth != SCATTER_DEPTH_CLOSED)
+        features |= SCATTERI_GL_HAS_CELLS;
+    if (f->has_eye && (features & SCATTERI_GL_HAS_CELLS) != 0)
+        features |= SCATTERI_GL_HAS_EYE;
+    return features;
+}
+
+static int scatteri_gl_lights_per_batch(const scatter_gl *f)
+{
+    return SCATTERI_GL_BATCH - f->has_eye;
+}
+
+/* The source in a channel of a batch, or NULL. The eye, if it is a source, has channel 0 of every batch. */
+static scatteri_gl_lamp *scatteri_gl_source_in(scatter_gl *f, int batch, int channel)
+{
+    const int i = batch * scatteri_gl_lights_per_batch(f) + channel - f->has_eye;
+    if (f->has_eye && channel == 0)
+        return &f->lamps[f->desc.max_lights];
+    return i < f->lamp_count ? &f->lamps[i] : NULL;
+}
+
+static unsigned scatteri_gl_lamp_features(const scatteri_gl_lamp *lamp, int channel)
+{
+    static const unsigned kinds[] = {SCATTERI_GL_HAS_POINT, SCATTERI_GL_HAS_SPOT,
+                                     SCATTERI_GL_HAS_DIRECTIONAL};
+    unsigned features = kinds[lamp->desc.light.kind];
+    if (lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE)
+        features |= SCATTERI_GL_HAS_SHADOWS |
+                    (unsigned)SCATTERI_GL_HAS_SHADOW_2D_0
+                        << (3 * channel + (int)lamp->desc.shadow.kind - 1);
+    return features;
+}
+
+/* Kinds of the lights of a batch, and of their shadows. */
+static unsigned scatteri_gl_batch_features(scatter_gl *f, int batch)
+{
+    unsigned features = 0;
+    int channel;
+    for (channel = f->has_eye; channel < (int)SCATTERI_GL_BATCH; channel++) {
+        const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        if (lamp != NULL)
+            features |= scatteri_gl_lamp_features(lamp, channel);
+    }
+    return features;
+}
+
+static void scatteri_gl_send_batch(scatter_gl *f, int batch)
+{
+    int channel, used = 0;
+    memset(&f->lights_block, 0, sizeof f->lights_block);
+    for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
+        const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        if (lamp == NULL)
+            break;
+        scatteri_gl_put_lamp(f, channel, lamp);
+        used = channel + 1;
+    }
+    scatteri_gl_put(f->lights_block.batch, (float)used, (float)f->has_eye, (float)f->has_eye, 0.0f);
+    scatteri_gl_send(f, f->light_buffers[batch], &f->lights_block, sizeof f->lights_block);
+}
+
+/* --- tables --- */
+
+static void scatteri_gl_send_gaussians(scatter_gl *f)
+{
+    const scatteri_gaussians *g = &f->medium.gaussians;
+    const int rows = (2 * g->count + SCATTERI_GL_ROW - 1) / SCATTERI_GL_ROW;
+    int i;
+    if (rows == 0)
+        return;
+    memset(f->scratch, 0, (size_t)rows * SCATTERI_GL_ROW * 4 * sizeof(float));
+    for (i = 0; i < g->count; i++) {
+        float *to = f->scratch + 8 * i;
+        scatteri_gl_put(to, g->x[i] - f->ref.x, g->y[i] - f->ref.y, g->z[i] - f->ref.z, g->a[i]);
+        scatteri_gl_put(to + 4, g->c[i], g->reach[i], g->c[i] * 0.886226925f / g->a[i], 0.0f);
+    }
+    scatteri_gl_upload(f, &f->gaussians, rows, f->scratch);
+}
+
+/* Rule r has about (r + 1)/8 of the nodes, as on the CPU; a rule of too many is empty. */
+static void scatteri_gl_send_rules(scatter_gl *f)
+{
+    int r, i;
+    if (f->rule_nodes == f->quality.nodes || f->quality.ray == SCATTER_RAY_MARCH)
+        return;
+    memset(f->scratch, 0, (size_t)SCATTERI_NODES * SCATTERI_RULES * 2 * sizeof(float));
+    for (r = 0; r < SCATTERI_RULES; r++) {
+        const int n = (f->quality.nodes * (r + 1) + SCATTERI_EIGHTH - 1) / SCATTERI_EIGHTH;
+        for (i = 0; i < n && n <= SCATTERI_NODES; i++) {
+            const scatteri_vec2 node = scatteri_legendre(i, n);
+            f->scratch[2 * (r * SCATTERI_NODES + i)] = node.x;
+            f->scratch[2 * (r * SCATTERI_NODES + i) + 1] = node.y;
+        }
+    }
+    scatteri_gl_upload(f, &f->rules, SCATTERI_RULES, f->scratch);
+    f->rule_nodes = f->quality.nodes;
+}
+
+/* --- volumes --- */
+
+static int scatteri_gl_volume_format(const scatter_gl *f)
+{
+    return f->desc.half_float || !f->can_filter_float ? SCATTERI_GL_RGBA16F : SCATTERI_GL_RGBA32F;
+}
+
+static int scatteri_gl_field_format(const scatter_gl *f)
+{
+    return f->desc.half_float || !f->can_filter_float ? SCATTERI_GL_R16F : SCATTERI_GL_R32F;
+}
+
+/* Which texture density is read from, if any; injects the medium where that is needed and out of date. */
+static scatter_result scatteri_gl_update_field(scatter_gl *f)
+{
+    const scatteri_medium *m = &f->medium;
+    const int n = f->quality.grid;
+    scatter_result result;
+    f->density = NULL;
+    if (!m->has_local)
+        return SCATTER_OK;
+    if (f->quality.density == SCATTER_DENSITY_EXACT) {
+        f->density = m->desc.grid_count > 0 ? &f->grids[0] : NULL;
+        return SCATTER_OK;
+    }
+    if (f->field.width != n)
+        f->injected_version = -1;
+    result = scatteri_gl_size_texture(f, &f->field, scatteri_gl_field_format(f), n, n, n);
+    if (result == SCATTER_OK && f->injected_version != f->medium_version) {
+        scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_INJECT);
+        scatteri_gl_send_medium(f);
+        result = scatteri_gl_inject(f);
+        scatteri_gl_end_timer(f, SCATTERI_GL_TIME_INJECT);
+        f->stats.injections++;
+        f->injected_version = result == SCATTER_OK ? f->medium_version : -1;
+    }
+    f->density = &f->field;
+    return result;
+}
+
+/* Where the cells or columns of a source lie. */
+static void scatteri_gl_lay_out(scatter_gl *f, scatteri_gl_lamp *lamp)
+{
+    scatter_depth *d = &lamp->layout;
+    memset(d, 0, sizeof *d);
+    d->medium = &f->medium;
+    d->source = scatteri_source_of(&lamp->desc.light);
+    d->method = f->quality.depth;
+    if (!f->medium.has_local || d->method == SCATTER_DEPTH_CLOSED)
+        return;
+    scatteri_lay_out(d, f->quality.grid);
+    d->at_source =
+        d->source.directional ? 0.0f : scatteri_local_density(&f->medium, d->source.position);
+}
+
+static scatter_result scatteri_gl_update_batch(scatter_gl *f, int batch)
+{
+    scatteri_gl_texture *volume = &f->volumes[batch];
+    scatter_result result;
+    int channel, filled = 1, nx = 0, ny = 0, nz = 0;
+    for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
+        scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        if (lamp == NULL)
+            break;
+        if (!lamp->filled)
+            scatteri_gl_lay_out(f, lamp);
+        filled &= lamp->filled;
+        nx = nx > lamp->layout.nx ? nx : lamp->layout.nx;
+        ny = ny > lamp->layout.ny ? ny : lamp->layout.ny;
+        nz = nz > lamp->layout.nz ? nz : lamp->layout.nz;
+    }
+    scatteri_gl_send_batch(f, batch);
+    if (nx == 0 || filled)
+        return SCATTER_OK;
+    result = scatteri_gl_size_texture(f, volume, scatteri_gl_volume_format(f), nx, ny, nz);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_propagate(f, batch);
+    f->stats.propagations++;
+    for (channel = 0; channel < (int)SCATTERI_GL_BATCH && result == SCATTER_OK; channel++) {
+        scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        if (lamp != NULL)
+            lamp->filled = 1;
+    }
+    return result;
+}
+
+/* --- quality --- */
+
+enum { SCATTERI_GL_FEW = 64 }; /* Gaussians up to which their closed forms pay */
+
+static scatter_quality scatteri_gl_resolve(const scatter_gl *f, const scatter_quality *quality)
+{
+    const scatter_medium *m = &f->medium.desc;
+    const int few = m->gaussian_count <= SCATTERI_GL_FEW;
+    scatter_quality q;
+    memset(&q, 0, sizeof q);
+    if (quality != NULL)
+        q = *quality;
+    if (q.depth == SCATTER_DEPTH_AUTO)
+        q.depth = !few || m->grid_count > 0 ? SCATTER_DEPTH_POLAR
+                  : f->can_draw_float       ? SCATTER_DEPTH_CLOSED_VOLUME
+                                            : SCATTER_DEPTH_CLOSED;
+    if (q.density == SCATTER_DENSITY_AUTO)
+        q.density = few && m->grid_count <= 1 ? SCATTER_DENSITY_EXACT : SCATTER_DENSITY_VOLUME;
+    q.nodes = q.nodes != 0 ? q.nodes : 16;
+    q.grid = scatteri_choose_grid(q.grid, m);
+    return q;
+}
+
+static scatter_result scatteri_gl_check_quality(scatter_gl *f, const scatter_quality *q)
+{
+    const scatter_medium *m = &f->medium.desc;
+    if (q->depth == SCATTER_DEPTH_EQ6 || q->depth == SCATTER_DEPTH_SHORT ||
+        q->depth == SCATTER_DEPTH_MARCH)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "quality.depth is %d, on the GPU it must be auto, closed, closed "
+                             "volume, upwind or polar",
+                             (int)q->depth);
+    if (q->depth <= SCATTER_DEPTH_CLOSED_VOLUME && m->grid_count > 0)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "quality.depth is %d, on the GPU grids need polar or upwind",
+                             (int)q->depth);
+    if (q->density == SCATTER_DENSITY_EXACT && m->grid_count > 1)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "quality.density is exact, on the GPU more than one grid needs volume");
+    if (q->depth != SCATTER_DEPTH_CLOSED && f->medium.has_local && !f->can_draw_float)
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "this GL context cannot draw into float textures (no "
+                             "EXT_color_buffer_float): quality.depth must be closed");
+    if (q->density == SCATTER_DENSITY_VOLUME && f->medium.has_local && !f->can_draw_float)
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "this GL context cannot draw into float textures (no "
+                             "EXT_color_buffer_float): quality.density must be exact");
+    return SCATTER_OK;
+}
+
+static void scatteri_gl_forget_volumes(scatter_gl *f)
+{
+    int i;
+    for (i = 0; i <= f->desc.max_lights; i++)
+        f->lamps[i].filled = 0;
+}
+
+static int scatteri_gl_same_quality(const scatter_quality *a, const scatter_quality *b)
+{
+    return a->depth == b->depth && a->density == b->density && a->grid == b->grid;
+}
+
+/* The eye as the last lamp. */
+static void scatteri_gl_place_eye(scatter_gl *f, const scatter_vec3 *eye)
+{
+    scatteri_gl_lamp *lamp = &f->lamps[f->desc.max_lights];
+    const int has_eye = eye != NULL;
+    if (f->has_eye != has_eye)
+        scatteri_gl_forget_volumes(f);
+    f->has_eye = has_eye;
+    if (!has_eye)
+        return;
+    if (memcmp(&lamp->desc.light.position, eye, sizeof *eye) != 0)
+        lamp->filled = 0;
+    memset(&lamp->desc, 0, sizeof lamp->desc);
+    lamp->desc.light.position = *eye;
+}
+
+/* How much of the rims is left out, as on the CPU. */
+static void scatteri_gl_update_trim(scatter_gl *f)
+{
+    int i;
+    f->trim = scatteri_trim_of(&f->medium, &f->quality);
+    for (i = 0; i < f->lamp_count; i++)
+        f->lamps[i].in_rim = scatteri_in_rim(&f->medium.gaussians, f->trim.rays,
+                                             f->lamps[i].desc.light.position);
+}
+
+static scatter_result scatteri_gl_update_all(scatter_gl *f)
+{
+    scatter_result result;
+    int batch, per_batch = scatteri_gl_lights_per_batch(f);
+    f->batch_count = f->lamp_count > 0 ? (f->lamp_count + per_batch - 1) / per_batch : 1;
+    scatteri_gl_send_rules(f);
+    scatteri_gl_update_trim(f);
+    result = scatteri_gl_update_field(f);
+    scatteri_gl_send_medium(f);
+    scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_DEPTH);
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++)
+        result = scatteri_gl_update_batch(f, batch);
+    scatteri_gl_end_timer(f, SCATTERI_GL_TIME_DEPTH);
+    return result;
+}
+
+SCATTER_API scatter_result scatter_gl_update(scatter_gl *f, const scatter_quality *quality,
+                                             const scatter_vec3 *eye)
+{
+    scatteri_where at = {NULL, "eye", -1};
+    scatteri_gl_state state;
+    scatter_quality q;
+    scatter_result result;
+    if (f == NULL || f->lost)
+        return SCATTER_BAD_ARGUMENT;
+    at.host = &f->host;
+    f->ready = 0;
+    if ((quality != NULL && !scatteri_check_quality(&f->host, quality)) ||
+        (eye != NULL && !scatteri_check_point(&at, "", *eye)))
+        return SCATTER_BAD_ARGUMENT;
+    q = scatteri_gl_resolve(f, quality);
+    result = scatteri_gl_check_quality(f, &q);
+    if (result != SCATTER_OK)
+        return result;
+    if (!scatteri_gl_same_quality(&q, &f->quality))
+        scatteri_gl_forget_volumes(f);
+    f->quality = q;
+    scatteri_gl_place_eye(f, eye);
+    scatteri_gl_save(f, &state);
+    result = scatteri_gl_update_all(f);
+    scatteri_gl_restore(f, &state);
+    f->ready = result == SCATTER_OK;
+    return result;
+}
+
+/* ------------------------------------------------------------------------------------------- >>view */
+
+typedef struct scatteri_gl_matrix {
+    double m[16]; /* column-major */
+} scatteri_gl_matrix;
+
+static scatteri_gl_matrix scatteri_gl_product(scatteri_gl_matrix a, scatteri_gl_matrix b)
+{
+    scatteri_gl_matrix p;
+    int column, row, k;
+    for (column = 0; column < 4; column++)
+        for (row = 0; row < 4; row++) {
+            p.m[4 * column + row] = 0.0;
+            for (k = 0; k < 4; k++)
+                p.m[4 * column + row] += a.m[4 * k + row] * b.m[4 * column + k];
+        }
+    return p;
+}
+
+static void scatteri_gl_swap_rows(scatteri_gl_matrix *m, int a, int b)
+{
+    int column;
+    for (column = 0; column < 4; column++) {
+        const double v = m->m[4 * column + a];
+        m->m[4 * column + a] = m->m[4 * column + b];
+        m->m[4 * column + b] = v;
+    }
+}
+
+/* row `to` -= factor row `from` */
+static void scatteri_gl_subtract_row(scatteri_gl_matrix *m, int to, int from, double factor)
+{
+    int column;
+    for (column = 0; column < 4; column++)
+        m->m[4 * column + to] -= factor * m->m[4 * column + from];
+}
+
+/* Gauss and Jordan with pivots; 0 if there is no inverse. */
+static int scatteri_gl_invert(const float *of, scatteri_gl_matrix *inverse)
+{
+    scatteri_gl_matrix a;
+    int i, row, column;
+    for (i = 0; i < 16; i++) {
+        a.m[i] = (double)of[i];
+        inverse->m[i] = i % 5 == 0 ? 1.0 : 0.0;
+    }
+    for (i = 0; i < 4; i++) {
+        int best = i;
+        for (row = i; row < 4; row++)
+            best = fabs(a.m[4 * i + row]) > fabs(a.m[4 * i + best]) ? row : best;
+        if (!(fabs(a.m[4 * i + best]) > 0.0 && fabs(a.m[4 * i + best]) < 1e300))
+            return 0;
+        scatteri_gl_swap_rows(&a, i, best);
+        scatteri_gl_swap_rows(inverse, i, best);
+        for (row = 0; row < 4; row++) {
+            const double factor = a.m[4 * i + row] / a.m[4 * i + i];
+            if (row != i) {
+                scatteri_gl_subtract_row(&a, row, i, factor);
+                scatteri_gl_subtract_row(inverse, row, i, factor);
+            }
+        }
+    }
+    for (row = 0; row < 4; row++)
+        for (column = 0; column < 4; column++)
+            inverse->m[4 * column + row] /= a.m[4 * row + row];
+    return 1;
+}
+
+static scatter_vec3 scatteri_gl_column(const scatteri_gl_matrix *m, int column, double scale)
+{
+    return scatteri_v3((float)(m->m[4 * column] * scale), (float)(m->m[4 * column + 1] * scale),
+                       (float)(m->m[4 * column + 2] * scale));
+}
+
+/* Rays of a perspective camera. Clip (0, 0, 1, 0) is the eye; seen from there, the direction does not depend on z. */
+static void scatteri_gl_perspective(scatter_gl *f, scatteri_gl_matrix m)
+{
+    scatteri_gl_view_block *b = &f->view_block;
+    const double e[3] = {m.m[8] / m.m[11], m.m[9] / m.m[11], m.m[10] / m.m[11]};
+    int column, row;
+    for (column = 0; column < 4; column++)
+        for (row = 0; row < 3; row++)
+            m.m[4 * column + row] -= e[row] * m.m[4 * column + 3];
+    scatteri_gl_put(b->eye, (float)(e[0] - (double)f->ref.x), (float)(e[1] - (double)f->ref.y),
+                    (float)(e[2] - (double)f->ref.z), 0.0f);
+    scatteri_gl_put3(b->forward, scatteri_gl_column(&m, 3, 1.0), 0.0f);
+    scatteri_gl_put3(b->forward_dx, scatteri_gl_column(&m, 0, 1.0), 0.0f);
+    scatteri_gl_put3(b->forward_dy, scatteri_gl_column(&m, 1, 1.0), 0.0f);
+    scatteri_gl_put(b->weight, (float)m.m[3], (float)m.m[7], (float)m.m[11], (float)m.m[15]);
+    b->range[0] = 0.0f;
+    b->range[1] = 1.0f;
+}
+
+/* Rays of an orthographic camera begin at the near plane, at clip z `near`, and go to `far`. */
+static void scatteri_gl_parallel(scatter_gl *f, scatteri_gl_matrix m, double near, double far)
+{
+    scatteri_gl_view_block *b = &f->view_block;
+    const double inverse = 1.0 / m.m[15], sense = far > near ? 1.0 : -1.0;
+    const double origin[3] = {(m.m[12] + near * m.m[8]) * inverse - (double)f->ref.x,
+                              (m.m[13] + near * m.m[9]) * inverse - (double)f->ref.y,
+                              (m.m[14] + near * m.m[10]) * inverse - (double)f->ref.z};
+    scatteri_gl_put(b->eye, (float)origin[0], (float)origin[1], (float)origin[2], 0.0f);
+    scatteri_gl_put3(b->eye_dx, scatteri_gl_column(&m, 0, inverse), 0.0f);
+    scatteri_gl_put3(b->eye_dy, scatteri_gl_column(&m, 1, inverse), 0.0f);
+    scatteri_gl_put3(b->forward, scatteri_gl_column(&m, 2, sense * inverse), 0.0f);
+    scatteri_gl_put(b->weight, 0.0f, 0.0f, 0.0f, 1.0f);
+    b->range[0] = (float)sense;
+    b->range[1] = (float)(-sense * near);
+}
+
+static scatter_result scatteri_gl_set_camera(scatter_gl *f, const scatter_gl_view *v)
+{
+    scatteri_gl_view_block *b = &f->view_block;
+    const double low = v->zero_to_one ? 0.0 : -1.0;
+    const double near = v->reversed ? 1.0 : low, far = v->reversed ? low : 1.0;
+    scatteri_gl_matrix view, projection, m;
+    double here, there;
+    if (v->view == NULL || v->projection == NULL || !scatteri_gl_invert(v->view, &view) ||
+        !scatteri_gl_invert(v->projection, &projection))
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "view.view or view.projection is not a matrix that has an inverse");
+    memset(b, 0, sizeof *b);
+    m = scatteri_gl_product(view, projection);
+    here = m.m[11] * near + m.m[15];
+    there = m.m[11] * far + m.m[15];
+    if (fabs(here - there) > 1e-6 * fabs(here))
+        scatteri_gl_perspective(f, m);
+    else
+        scatteri_gl_parallel(f, m, near, far);
+    b->range[2] = v->zero_to_one ? 1.0f : 2.0f;
+    b->range[3] = v->zero_to_one ? 0.0f : -1.0f;
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_gl_check_view(scatter_gl *f, const scatter_gl_view *v)
+{
+    if (v == NULL || v->width < 0 || v->height < 0)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "view is NULL, or its width or height is below 0");
+    if (v->divide != 0 && v->divide != 1 && v->divide != 2 && v->divide != 4)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "view.divide is %d, it must be 0, 1, 2 or 4", v->divide);
+    if ((int)v->show < 0 || (int)v->show > (int)SCATTER_GL_SHOW_ERROR)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "view.show is %d, it must be one of scatter_gl_show", (int)v->show);
+    return scatteri_gl_set_camera(f, v);
+}
+
+static void scatteri_gl_send_view(scatter_gl *f, const scatter_gl_view *v, int divide)
+{
+    scatteri_gl_view_block *b = &f->view_block;
+    scatteri_gl_put(b->window, (float)v->x, (float)v->y, 2.0f / (float)v->width,
+                    2.0f / (float)v->height);
+    scatteri_gl_put(b->picture, v->reversed ? 0.0f : 1.0f, (float)divide,
+                    v->depth_texture != 0 ? 1.0f : 0.0f, (float)v->show_light);
+    scatteri_gl_put(b->show, (float)v->show, 0.0f, 0.0f, 0.0f);
+    scatteri_gl_send(f, f->view_buffer, b, sizeof *b);
+}
+
+static void scatteri_gl_bind_medium(const scatter_gl *f)
+{
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_GAUSSIANS, &f->gaussians);
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_RULES, &f->rules);
+    scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_FIELD, f->density);
+}
+
+/* Lights of a batch, their depth and their shadow maps. */
+static void scatteri_gl_bind_batch(scatter_gl *f, int batch)
+{
+    static const unsigned targets[] = {0, SCATTERI_GL_TEXTURE_2D, SCATTERI_GL_ARRAY_2D,
+                                       SCATTERI_GL_CUBE};
+    int channel;
+    f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, 1, f->light_buffers[batch]);
+    scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_VOLUME, &f->volumes[batch]);
+    for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
+        const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        if (lamp != NULL && lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE)
+            scatteri_gl_bind(f, SCATTERI_GL_UNIT_SHADOW + channel, targets[lamp->desc.shadow.kind],
+                             lamp->desc.shadow.texture, f->nearest);
+    }
+}
+
+/* Draws T of the rays, times what is there, or in its place. */
+static scatter_result scatteri_gl_draw_transmittance(scatter_gl *f, unsigned features, int over)
+{
+    const scatteri_gl_program *program;
+    const scatter_result result = scatteri_gl_use(
+        f, SCATTERI_GL_PASS_VIEW, features | SCATTERI_GL_HAS_TRANSMITTANCE, 1, &program);
+    if (result != SCATTER_OK)
+        return result;
+    f->gl.Disable(SCATTERI_GL_BLEND);
+    if (over)
+        scatteri_gl_blend(f, SCATTERI_GL_ZERO, SCATTERI_GL_SRC_COLOR, SCATTERI_GL_ZERO,
+                          SCATTERI_GL_SRC_ALPHA);
+    scatteri_gl_fill(f, program, 0, 0, 0, 0);
+    return SCATTER_OK;
+}
+
+/* Draws L and 1 - T of the rays: added to, over or in the place of what is there. The lights of further batches are
+   added. */
+static scatter_result scatteri_gl_draw_radiance(scatter_gl *f, unsigned features, int over,
+                                                int target)
+{
+    const scatteri_gl_program *program;
+    scatter_result result = SCATTER_OK;
+    int batch;
+    f->gl.Disable(SCATTERI_GL_BLEND);
+    if (over)
+        scatteri_gl_blend(f, SCATTERI_GL_ONE, target, SCATTERI_GL_ONE, target);
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
+        const unsigned more = batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u;
+        scatteri_gl_bind_batch(f, batch);
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
+                                 features | scatteri_gl_batch_features(f, batch) | more, 1,
+                                 &program);
+        if (result == SCATTER_OK)
+            scatteri_gl_fill(f, program, 0, 0, 0, 0);
+        scatteri_gl_blend(f, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE);
+    }
+    return result;
+}
+
+static void scatteri_gl_target_host(scatter_gl *f, const scatter_gl_view *v)
+{
+    f->gl.BindFramebuffer(SCATTERI_GL_DRAW_FRAMEBUFFER, v->framebuffer);
+    scatteri_gl_write_buffers(f, 1);
+    scatteri_gl_set_viewport(f, v->x, v->y, v->width, v->height);
+}
+
+/* Every pixel: straight into the host's picture. */
+static scatter_result scatteri_gl_draw_whole(scatter_gl *f, const scatter_gl_view *v,
+                                             unsigned features)
+{
+    const int colored = (features & SCATTERI_GL_HAS_COLORED) != 0;
+    scatter_result result = SCATTER_OK;
+    scatteri_gl_send_view(f, v, 1);
+    scatteri_gl_target_host(f, v);
+    if (v->show != SCATTER_GL_SHOW_FOG)
+        return scatteri_gl_draw_radiance(f, features | SCATTERI_GL_HAS_SHOW, 0, SCATTERI_GL_ZERO);
+    if (colored)
+        result = scatteri_gl_draw_transmittance(f, features, 1);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_draw_radiance(
+            f, features, 1, colored ? SCATTERI_GL_ONE : SCATTERI_GL_ONE_MINUS_SRC_ALPHA);
+    return result;
+}
+
+SCATTER_API scatter_result scatter_gl_draw(scatter_gl *f, const scatter_gl_view *v)
+{
+    scatteri_gl_state state;
+    scatter_result result;
+    if (f == NULL || f->lost)
+        return SCATTER_BAD_ARGUMENT;
+    if (!f->ready)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "scatter_gl_draw needs a successful scatter_gl_update first");
+    result = scatteri_gl_check_view(f, v);
+    if (result != SCATTER_OK || v->width == 0 || v->height == 0)
+        return result;
+    scatteri_gl_save(f, &state);
+    scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_VIEW);
+    scatteri_gl_bind_medium(f);
+    if (v->depth_texture != 0)
+        scatteri_gl_bind(f, SCATTERI_GL_UNIT_SCENE, SCATTERI_GL_TEXTURE_2D, v->depth_texture,
+                         f->nearest);
+    result = scatteri_gl_draw_whole(f, v, scatteri_gl_medium_features(f));
+    scatteri_gl_end_timer(f, SCATTERI_GL_TIME_VIEW);
+    scatteri_gl_restore(f, &state);
+    return result;
+}
+
+/* ---------------------------------------------------------------------------------------- >>public */
+
+#ifdef SCATTER_GL_NO_LOADER
+#define SCATTERI_GL_LOAD(result, name, arguments) \
+    gl->name = (result(SCATTERI_GL_CALL *) arguments)gl##name;
+#else
+#define SCATTERI_GL_LOAD(result, name, arguments) \
+    gl->name = (result(SCATTERI_GL_CALL *) arguments)f->desc.get_proc_address("gl" #name); \
+    if (gl->name == NULL) \
+        missing = "gl" #name;
+#endif
+#define SCATTERI_GL_TRY(result, name, arguments) \
+    gl->name = (result(SCATTERI_GL_CALL *) arguments)f->desc.get_proc_address("gl" #name);
+
+static scatter_result scatteri_gl_load(scatter_gl *f)
+{
+    scatteri_gl_functions *gl = &f->gl;
+    const char *missing = NULL;
+    SCATTERI_GL_FUNCTIONS(SCATTERI_GL_LOAD)
+    if (f->desc.get_proc_address != NULL) {
+        SCATTERI_GL_OPTIONAL(SCATTERI_GL_TRY)
+    }
+    if (missing != NULL)
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "desc.get_proc_address gives no %s: is a context current?", missing);
+    return SCATTER_OK;
+}
+
+static int scatteri_gl_has_extension(const scatter_gl *f, const char *name)
+{
+    const int count = scatteri_gl_get(f, SCATTERI_GL_NUM_EXTENSIONS);
+    int i;
+    for (i = 0; i < count; i++) {
+        const unsigned char *e = f->gl.GetStringi(SCATTERI_GL_EXTENSIONS, (unsigned)i);
+        if (e != NULL && strcmp((const char *)e, name) == 0)
+            return 1;
+    }
+    return 0;
+}
+
+/* Functions that this version does not have, even where their address is known. */
+static void scatteri_gl_drop_newer(scatter_gl *f)
+{
+    scatteri_gl_functions *gl = &f->gl;
+    if (f->es || f->version < 400) {
+        gl->BlendFuncSeparatei = NULL;
+        gl->BlendEquationSeparatei = NULL;
+    }
+    if (f->es || f->version < 410) {
+        gl->ViewportIndexedf = NULL;
+        gl->ScissorIndexed = NULL;
+    }
+    if (f->es) {
+        gl->ColorMaski = NULL;
+        gl->PolygonMode = NULL;
+        gl->QueryCounter = NULL;
+    }
+}
+
+static scatter_result scatteri_gl_look(scatter_gl *f)
+{
+    const char *text = (const char *)f->gl.GetString(SCATTERI_GL_VERSION);
+    const char *digits = text;
+    int major = 0, minor = 0;
+    while (digits != NULL && *digits != 0 && (*digits < '0' || *digits > '9'))
+        digits++;
+    if (digits == NULL || sscanf(digits, "%d.%d", &major, &minor) != 2)
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "glGetString(GL_VERSION) gives no version: is a context current?");
+    f->es = strncmp(text, "OpenGL ES", 9) == 0;
+    f->version = 100 * major + 10 * minor;
+    if (f->version < (f->es ? 300 : 330))
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "this is '%s', needed is OpenGL 3.3 or OpenGL ES 3.0", text);
+    scatteri_gl_drop_newer(f);
+    f->max_3d = scatteri_gl_get(f, SCATTERI_GL_MAX_3D);
+    f->max_2d = scatteri_gl_get(f, SCATTERI_GL_MAX_SIZE);
+    f->draw_buffers = scatteri_clamp_int(scatteri_gl_get(f, SCATTERI_GL_MAX_DRAW_BUFFERS), 1,
+                                         SCATTERI_GL_MOST_BUFFERS);
+    f->can_draw_float = !f->es || scatteri_gl_has_extension(f, "GL_EXT_color_buffer_float") ||
+                        scatteri_gl_has_extension(f, "EXT_color_buffer_float");
+    f->can_filter_float = !f->es || scatteri_gl_has_extension(f, "GL_OES_texture_float_linear") ||
+                          scatteri_gl_has_extension(f, "OES_texture_float_linear");
+    f->can_blend_float = !f->es || scatteri_gl_has_extension(f, "GL_EXT_float_blend") ||
+                         scatteri_gl_has_extension(f, "EXT_float_blend");
+    return SCATTER_OK;
+}
+
+static unsigned scatteri_gl_make_sampler(scatter_gl *f, int filter)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    unsigned sampler = 0;
+    gl->GenSamplers(1, &sampler);
+    gl->SamplerParameteri(sampler, SCATTERI_GL_MIN_FILTER, filter);
+    gl->SamplerParameteri(sampler, SCATTERI_GL_MAG_FILTER, filter);
+    gl->SamplerParameteri(sampler, SCATTERI_GL_WRAP_S, SCATTERI_GL_CLAMP_TO_EDGE);
+    gl->SamplerParameteri(sampler, SCATTERI_GL_WRAP_T, SCATTERI_GL_CLAMP_TO_EDGE);
+    gl->SamplerParameteri(sampler, SCATTERI_GL_WRAP_R, SCATTERI_GL_CLAMP_TO_EDGE);
+    gl->SamplerParameteri(sampler, SCATTERI_GL_TEXTURE_COMPARE_MODE, 0);
+    return sampler;
+}
+
+static unsigned scatteri_gl_make_buffer(scatter_gl *f, size_t bytes)
+{
+    unsigned buffer = 0;
+    f->gl.GenBuffers(1, &buffer);
+    f->gl.BindBuffer(SCATTERI_GL_UNIFORM_BUFFER, buffer);
+    f->gl.BufferData(SCATTERI_GL_UNIFORM_BUFFER, (ptrdiff_t)bytes, NULL, SCATTERI_GL_DYNAMIC);
+    return buffer;
+}
+
+static int scatteri_gl_most_batches(const scatter_gl *f)
+{
+    return (f->desc.max_lights + SCATTERI_GL_BATCH - 2) / (SCATTERI_GL_BATCH - 1) + 1;
+}
+
+static scatter_result scatteri_gl_make_objects(scatter_gl *f)
+{
+    const int rows = (2 * f->desc.max_gaussians + SCATTERI_GL_ROW - 1) / SCATTERI_GL_ROW;
+    scatter_result result;
+    int i;
+    f->gl.GenVertexArrays(1, &f->vertex_array);
+    f->gl.GenFramebuffers(1, &f->framebuffer);
+    f->nearest = scatteri_gl_make_sampler(f, SCATTERI_GL_NEAREST);
+    f->linear = scatteri_gl_make_sampler(f, SCATTERI_GL_LINEAR);
+    f->medium_buffer = scatteri_gl_make_buffer(f, sizeof f->medium_block);
+    f->view_buffer = scatteri_gl_make_buffer(f, sizeof f->view_block);
+    for (i = 0; i < scatteri_gl_most_batches(f); i++)
+        f->light_buffers[i] = scatteri_gl_make_buffer(f, sizeof f->lights_block);
+    result = scatteri_gl_size_texture(f, &f->gaussians, SCATTERI_GL_RGBA32F, SCATTERI_GL_ROW, rows, 1);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_size_texture(f, &f->rules, SCATTERI_GL_RG32F, SCATTERI_NODES,
+                                          SCATTERI_RULES, 1);
+    return result;
+}
+
+/* Memory for what the limits name. */
+static scatter_result scatteri_gl_make_room(scatter_gl *f)
+{
+    const size_t batches = (size_t)scatteri_gl_most_batches(f);
+    const size_t lamps = ((size_t)f->desc.max_lights + 1) * sizeof *f->lamps;
+    const size_t rows = (2 * (size_t)f->desc.max_gaussians + SCATTERI_GL_ROW - 1) / SCATTERI_GL_ROW;
+    const size_t table = rows * SCATTERI_GL_ROW * 4, rules = 2 * SCATTERI_NODES * SCATTERI_RULES;
+    const size_t bytes = batches * (sizeof *f->volumes + sizeof *f->light_buffers);
+    f->scratch_floats = table > rules ? table : rules;
+    f->lamps = (scatteri_gl_lamp *)scatteri_allocate(&f->host, lamps);
+    f->volumes = (scatteri_gl_texture *)scatteri_allocate(&f->host, bytes);
+    f->scratch = (float *)scatteri_allocate(&f->host, f->scratch_floats * sizeof(float));
+    if (f->lamps == NULL || f->volumes == NULL || f->scratch == NULL)
+        return scatteri_fail(&f->host, SCATTER_OUT_OF_MEMORY,
+                             "host.allocate gave no memory for %d lights and %d Gaussians",
+                             f->desc.max_lights, f->desc.max_gaussians);
+    memset(f->lamps, 0, lamps);
+    memset(f->volumes, 0, bytes);
+    f->light_buffers = (unsigned *)(void *)(f->volumes + batches);
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_gl_start(scatter_gl *f)
+{
+    scatteri_gl_state state;
+    scatter_medium none;
+    scatter_result result = scatteri_gl_load(f);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_look(f);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_make_room(f);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_save(f, &state);
+    result = scatteri_gl_make_objects(f);
+    scatteri_gl_restore(f, &state);
+    memset(&none, 0, sizeof none);
+    f->injected_version = -1;
+    return result == SCATTER_OK ? scatter_gl_set_medium(f, &none) : result;
+}
+
+SCATTER_API scatter_result scatter_gl_create(const scatter_gl_desc *desc, scatter_gl **fog)
+{
+    const scatter_host h = scatteri_host_or_default(desc != NULL ? &desc->host : NULL);
+    scatter_result result;
+    scatter_gl *f;
+    if (fog == NULL || desc == NULL)
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT, "%s is NULL", fog == NULL ? "fog" : "desc");
+    *fog = NULL;
+#ifndef SCATTER_GL_NO_LOADER
+    if (desc->get_proc_address == NULL)
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT,
+                             "desc.get_proc_address is NULL, it must find GL functions");
+#endif
+    if (desc->max_lights < 0 || desc->max_lights > 4096 || desc->max_gaussians < 0 ||
+        desc->max_gaussians > 1 << 20)
+        return scatteri_fail(&h, SCATTER_BAD_ARGUMENT,
+                             "desc.max_lights is %d, it must be 0..4096, desc.max_gaussians is %d, "
+                             "it must be 0..1048576",
+                             desc->max_lights, desc->max_gaussians);
+    f = (scatter_gl *)scatteri_allocate(&h, sizeof *f);
+    if (f == NULL)
+        return scatteri_fail(&h, SCATTER_OUT_OF_MEMORY,
+                             "host.allocate gave no memory for a scatter_gl");
+    memset(f, 0, sizeof *f);
+    f->host = h;
+    f->desc = *desc;
+    f->desc.max_lights = desc->max_lights != 0 ? desc->max_lights : 16;
+    f->desc.max_gaussians = desc->max_gaussians != 0 ? desc->max_gaussians : 4096;
+    result = scatteri_gl_start(f);
+    if (result == SCATTER_OK)
+        *fog = f;
+    else
+        scatter_gl_destroy(f);
+    return result;
+}
+
+static void scatteri_gl_drop_timers(scatter_gl *f)
+{
+    int i;
+    for (i = 0; i < (int)SCATTERI_GL_TIMES; i++)
+        if (f->timers[i].begin != 0) {
+            f->gl.DeleteQueries(1, &f->timers[i].begin);
+            f->gl.DeleteQueries(1, &f->timers[i].end);
+        }
+}
+
+static void scatteri_gl_drop_objects(scatter_gl *f)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    int i;
+    for (i = 0; i < f->program_count; i++)
+        gl->DeleteProgram(f->programs[i].name);
+    gl->DeleteVertexArrays(1, &f->vertex_array);
+    gl->DeleteFramebuffers(1, &f->framebuffer);
+    gl->DeleteSamplers(1, &f->nearest);
+    gl->DeleteSamplers(1, &f->linear);
+    gl->DeleteBuffers(1, &f->medium_buffer);
+    gl->DeleteBuffers(1, &f->view_buffer);
+    gl->DeleteBuffers(scatteri_gl_most_batches(f), f->light_buffers);
+    scatteri_gl_drop_timers(f);
+}
+
+static void scatteri_gl_drop_textures(scatter_gl *f)
+{
+    int i;
+    scatteri_gl_drop_texture(f, &f->gaussians);
+    scatteri_gl_drop_texture(f, &f->rules);
+    scatteri_gl_drop_texture(f, &f->field);
+    scatteri_gl_drop_texture(f, &f->froxels);
+    for (i = 0; i < 2; i++) {
+        scatteri_gl_drop_texture(f, &f->running[i]);
+        scatteri_gl_drop_texture(f, &f->wave[i]);
+        scatteri_gl_drop_texture(f, &f->reduced[i]);
+    }
+    for (i = 0; i < f->grid_room; i++)
+        scatteri_gl_drop_texture(f, &f->grids[i]);
+    for (i = 0; f->volumes != NULL && i < scatteri_gl_most_batches(f); i++)
+        scatteri_gl_drop_texture(f, &f->volumes[i]);
+}
+
+SCATTER_API void scatter_gl_destroy(scatter_gl *f)
+{
+    scatter_host host;
+    if (f == NULL)
+        return;
+    host = f->host;
+    if (!f->lost && f->vertex_array != 0)
+        scatteri_gl_drop_objects(f);
+    scatteri_gl_drop_textures(f);
+    scatteri_drop_medium(&host, &f->medium);
+    scatteri_release(&host, f->lamps);
+    scatteri_release(&host, f->volumes);
+    scatteri_release(&host, f->scratch);
+    scatteri_release(&host, f->grids);
+    scatteri_release(&host, f->programs);
+    scatteri_release(&host, f);
+}
+
+SCATTER_API void scatter_gl_abandon(scatter_gl *f)
+{
+    if (f == NULL)
+        return;
+    f->lost = 1;
+    scatter_gl_destroy(f);
+}
+
+/* --- medium and lights --- */
+
+static scatter_result scatteri_gl_room_for_grids(scatter_gl *f, int count)
+{
+    scatteri_gl_texture *grids;
+    if (count <= f->grid_room)
+        return SCATTER_OK;
+    grids = (scatteri_gl_texture *)scatteri_allocate(&f->host, (size_t)count * sizeof *grids);
+    if (grids == NULL)
+        return scatteri_fail(&f->host, SCATTER_OUT_OF_MEMORY,
+                             "host.allocate gave no memory for %d grids", count);
+    memset(grids, 0, (size_t)count * sizeof *grids);
+    if (f->grid_room > 0)
+        memcpy(grids, f->grids, (size_t)f->grid_room * sizeof *grids);
+    scatteri_release(&f->host, f->grids);
+    f->grids = grids;
+    f->grid_room = count;
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_gl_send_grids(scatter_gl *f)
+{
+    const scatter_medium *m = &f->medium.desc;
+    scatter_result result = scatteri_gl_room_for_grids(f, (int)m->grid_count);
+    size_t i;
+    for (i = 0; i < m->grid_count && result == SCATTER_OK; i++) {
+        const scatter_grid *g = &m->grids[i];
+        result = scatteri_gl_size_texture(f, &f->grids[i], scatteri_gl_field_format(f), g->nx,
+                                          g->ny, g->nz);
+        if (result == SCATTER_OK)
+            scatteri_gl_upload(f, &f->grids[i], g->ny, g->density);
+    }
+    return result;
+}
+
+/* What changes with density: tables, voxels and everything that is filled from them. */
+static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medium *medium)
+{
+    scatteri_gl_state state;
+    scatter_result result = scatteri_prepare(&f->host, &f->medium, medium);
+    if (result != SCATTER_OK)
+        return result;
+    f->ref = f->medium.has_local
+                 ? scatteri_scale(scatteri_add(f->medium.local.min, f->medium.local.max), 0.5f)
+             : medium->bounded
+                 ? scatteri_scale(scatteri_add(medium->bounds.min, medium->bounds.max), 0.5f)
+                 : scatteri_v3(0.0f, 0.0f, 0.0f);
+    f->medium_version++;
+    scatteri_gl_forget_volumes(f);
+    scatteri_gl_save(f, &state);
+    scatteri_gl_send_gaussians(f);
+    result = scatteri_gl_send_grids(f);
+    scatteri_gl_restore(f, &state);
+    return result;
+}
+
+SCATTER_API scatter_result scatter_gl_set_medium(scatter_gl *f, const scatter_medium *medium)
+{
+    scatter_result result;
+    if (f == NULL || f->lost)
+        return SCATTER_BAD_ARGUMENT;
+    result = scatteri_check_medium(&f->host, medium);
+    if (result != SCATTER_OK)
+        return result;
+    if (medium->gaussian_count > (size_t)f->desc.max_gaussians)
+        return scatteri_fail(&f->host, SCATTER_TOO_LARGE,
+                             "medium.gaussian_count is %.0f, desc.max_gaussians is %d",
+                             (double)medium->gaussian_count, f->desc.max_gaussians);
+    if (medium->height_count > (size_t)SCATTERI_GL_HEIGHTS)
+        return scatteri_fail(&f->host, SCATTER_TOO_LARGE,
+                             "medium.height_count is %.0f, on the GPU it must be at most %d",
+                             (double)medium->height_count, (int)SCATTERI_GL_HEIGHTS);
+    f->ready = 0;
+    if (f->medium_version > 0 && scatteri_same_density(&f->medium.desc, medium)) {
+        scatteri_take_optics(&f->medium, medium);
+        return SCATTER_OK;
+    }
+    return scatteri_gl_take_density(f, medium);
+}
+
+static int scatteri_gl_check_shadow(const scatteri_where *at, const scatter_gl_shadow *s)
+{
+    if ((int)s->kind < 0 || (int)s->kind > (int)SCATTER_GL_SHADOW_CUBE)
+        return scatteri_refuse(at, ".shadow.kind", (float)s->kind, "one of scatter_gl_shadow_kind");
+    if (s->kind == SCATTER_GL_SHADOW_NONE)
+        return 1;
+    if (s->kind == SCATTER_GL_SHADOW_CUBE)
+        return scatteri_check(at, ".shadow.near", s->near, 0.0f, 1e18f, "0..1e18") &&
+               scatteri_check(at, ".shadow.far", s->far, s->near + 1e-18f, 1e18f, "above near");
+    return scatteri_check(at, ".shadow.cascades", (float)s->cascades, 0.0f, 4.0f, "0..4") &&
+           scatteri_check(at, ".shadow.layer", (float)s->layer, 0.0f, 65535.0f, "0..65535") &&
+           scatteri_check(at, ".shadow.bias", s->bias, 0.0f, 1.0f, "0..1");
+}
+
+/* A light as it is kept; its depth stays if its source did. */
+static void scatteri_gl_take_light(scatteri_gl_lamp *lamp, const scatter_gl_light *light)
+{
+    const scatter_source before = scatteri_source_of(&lamp->desc.light);
+    scatter_source now;
+    scatter_light *l = &lamp->desc.light;
+    lamp->desc = *light;
+    if (l->kind != SCATTER_LIGHT_POINT)
+        l->direction = scatteri_unit(l->direction);
+    now = scatteri_source_of(l);
+    if (!scatteri_same_source(&before, &now))
+        lamp->filled = 0;
+}
+
+SCATTER_API scatter_result scatter_gl_set_lights(scatter_gl *f, const scatter_gl_light *lights,
+                                                 size_t count)
+{
+    scatteri_where at = {NULL, "lights", 0};
+    size_t i;
+    if (f == NULL || f->lost)
+        return SCATTER_BAD_ARGUMENT;
+    at.host = &f->host;
+    if (count > (size_t)f->desc.max_lights)
+        return scatteri_fail(&f->host, SCATTER_TOO_LARGE, "count is %.0f, desc.max_lights is %d",
+                             (double)count, f->desc.max_lights);
+    if (count > 0 && lights == NULL)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT, "lights is NULL, count is %.0f",
+                             (double)count);
+    for (i = 0; i < count; i++) {
+        at.index = (long)i;
+        if (!scatteri_check_light(&at, &lights[i].light) ||
+            !scatteri_gl_check_shadow(&at, &lights[i].shadow))
+            return SCATTER_BAD_ARGUMENT;
+    }
+    f->ready = 0;
+    for (i = 0; i < count; i++) {
+        scatteri_gl_take_light(&f->lamps[i], &lights[i]);
+        f->lamps[i].filled &= (int)i < f->lamp_count;
+    }
+    f->lamp_count = (int)count;
+    return SCATTER_OK;
+}
+
+/* --- measures --- */
+
+static float scatteri_gl_time(scatter_gl *f, int which)
+{
+    scatteri_gl_timer *t = &f->timers[which];
+    uint64_t begin = 0, end = 0;
+    int available = 0;
+    if (t->begin == 0)
+        return -1.0f;
+    if (t->pending)
+        f->gl.GetQueryObjectiv(t->end, SCATTERI_GL_QUERY_AVAILABLE, &available);
+    if (available) {
+        f->gl.GetQueryObjectui64v(t->begin, SCATTERI_GL_QUERY_RESULT, &begin);
+        f->gl.GetQueryObjectui64v(t->end, SCATTERI_GL_QUERY_RESULT, &end);
+        t->ms = (float)((double)(end - begin) * 1e-6);
+        t->pending = 0;
+    }
+    return t->ms;
+}
+
+SCATTER_API scatter_gl_times scatter_gl_get_times(scatter_gl *f)
+{
+    scatter_gl_times times;
+    times.inject = scatteri_gl_time(f, SCATTERI_GL_TIME_INJECT);
+    times.depth = scatteri_gl_time(f, SCATTERI_GL_TIME_DEPTH);
+    times.view = scatteri_gl_time(f, SCATTERI_GL_TIME_VIEW);
+    times.upsample = scatteri_gl_time(f, SCATTERI_GL_TIME_UPSAMPLE);
+    times.froxels = scatteri_gl_time(f, SCATTERI_GL_TIME_FROXELS);
+    return times;
+}
+
+SCATTER_API scatter_gl_stats scatter_gl_get_stats(const scatter_gl *f)
+{
+    return f->stats;
+}
+
+SCATTER_API const char *scatter_gl_glsl(const char *chapter)
+{
+    size_t i;
+    for (i = 0; i < sizeof scatteri_gl_chapters / sizeof scatteri_gl_chapters[0]; i++)
+        if (strcmp(scatteri_gl_chapters[i].name, chapter) == 0)
+            return scatteri_gl_chapters[i].text;
     return NULL;
 }
 
