@@ -390,9 +390,10 @@ enum {
     SCATTERI_GL_BATCH = 4,    /* lights to a depth volume: its channels */
     SCATTERI_GL_CASCADES = 4, /* of a shadow map */
     SCATTERI_GL_HEIGHTS = 8,  /* terms of height fog: as in the block */
-    SCATTERI_GL_SLICES = 8,   /* layers of a volume that one pass fills, at most */
-    SCATTERI_GL_ROW = 1024    /* texels in a row of the table of Gaussians */
+    SCATTERI_GL_SLICES = 8    /* layers of a volume that one pass fills, at most */
 };
+
+#define SCATTERI_GL_ROW 1024 /* texels in a row of the table of Gaussians; also in GLSL */
 
 /* Texture units of every pass. */
 enum {
@@ -414,14 +415,15 @@ enum {
     V(albedo)     /* rgb times extinction; w: the smallest extinction that is not 0 */ \
     V(emission)   /* rgb; w: constant density */ \
     V(lobe)       /* g1, alpha1, g2, alpha2 */ \
-    V(lobes)      /* weight, turn, count of Gaussians, count of height fogs */ \
+    V(lobes)      /* weight, turn, not used */ \
+    V(counts)     /* of Gaussians, of height fogs, not used */ \
     V(bounds_min) /* of the medium; w: not used */ \
     V(bounds_max) \
     V(local_min)  /* box of the local terms, where depth volumes lie; w: cells along each axis */ \
     V(local_max) \
     V(field_min)  /* box of the field; w: scale of its values */ \
     V(field_max) \
-    V(field_size) /* voxels along each axis; w: not used */ \
+    V(field_per)  /* 1/size of that box; w: not used */ \
     V(nodes)      /* a panel, features in it, steps of the march, probes for shadow edges */ \
     V(trim)       /* of the rays, in units of a^2 r^2 */ \
     A(heights, 8) /* density, y0, scale */
@@ -908,6 +910,7 @@ static const char scatteri_gl_tone[] =
 /* >>glsl passes: chapters by hand */
 
 static const char scatteri_gl_blocks[] =
+    "#define SCATTERI_FAR " SCATTERI_GL_TEXT(SCATTERI_FAR) "\n"
     "layout(std140) uniform scatteri_medium_block {\n" SCATTERI_GL_MEDIUM_BLOCK(
         SCATTERI_GL_GLSL_ONE, SCATTERI_GL_GLSL_ARRAY)
     "};\n"
@@ -924,6 +927,186 @@ static const char scatteri_gl_whole[] =
     "    gl_Position = vec4(corner * 2.0 - 1.0, 0.0, 1.0);\n"
     "}\n";
 
+/* --- the medium, and depth that is stored in volumes --- */
+
+/* Gaussians by number, and depth of all of them between x and `segment` metres towards `to`. */
+static const char scatteri_gl_gaussians[] =
+    "uniform highp sampler2D scatteri_gaussians;\n"
+    "vec4 scatteri_gauss_texel(int i) {\n"
+    "    const int row = " SCATTERI_GL_TEXT(SCATTERI_GL_ROW) ";\n"
+    "    return texelFetch(scatteri_gaussians, ivec2(i % row, i / row), 0);\n"
+    "}\n"
+    "vec4 scatteri_gauss_place(int i) {\n" /* centre, a */
+    "    return scatteri_gauss_texel(2 * i);\n"
+    "}\n"
+    "vec4 scatteri_gauss_weight(int i) {\n" /* c, reach, c sqrt(pi)/(2a) */
+    "    return scatteri_gauss_texel(2 * i + 1);\n"
+    "}\n"
+    "float scatteri_quick_span(float x, float y) {\n"
+    "    float qx = scatteri_erf_under(x * x);\n"
+    "    float qy = scatteri_erf_under(y * y);\n"
+    "    return (scatteri_erf_over(y, y * y) * qx - scatteri_erf_over(x, x * x) * qy) / (qx * qy);\n"
+    "}\n"
+    /* From a m and a (length - m); thick Gaussians by the form that keeps its digits in the tails. */
+    "float scatteri_gauss_span(float low, float high, float half_length, float thick) {\n"
+    "    if (thick < " SCATTERI_GL_TEXT(SCATTERI_QUICK) ")\n"
+    "        return scatteri_quick_span(clamp(low, -3.6, 3.6), clamp(high, -3.6, 3.6));\n"
+    "    return scatteri_erf_span(max(low, -1e6), min(high, 1e6), min(half_length, 1e6));\n"
+    "}\n"
+    "float scatteri_closed_depth(vec3 x, vec3 to, float segment) {\n"
+    "    float depth = 0.0;\n"
+    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
+    "        vec4 g = scatteri_gauss_place(i);\n"
+    "        vec4 c = scatteri_gauss_weight(i);\n"
+    "        vec3 d = g.xyz - x;\n"
+    "        float m = dot(d, to);\n"
+    "        vec3 across = d - m * to;\n"
+    "        float fade = g.w * g.w * dot(across, across);\n"
+    "        if (fade < c.y)\n"
+    "            depth += c.z * exp(-fade) *\n"
+    "                     scatteri_gauss_span(-g.w * m, g.w * (segment - m), 0.5 * g.w * segment,\n"
+    "                                         scatteri_extinction.w * c.z);\n"
+    "    }\n"
+    "    return max(depth, 0.0);\n"
+    "}\n";
+
+/* Density from the field, constant and height fog, and what part of a ray the bounds leave. */
+static const char scatteri_gl_density[] =
+    "#ifdef SCATTERI_FIELD\n"
+    "uniform highp sampler3D scatteri_field;\n"
+    "float scatteri_field_density(vec3 x) {\n"
+    "    vec3 g = (x - scatteri_field_min.xyz) * scatteri_field_per.xyz;\n"
+    "    bool inside = all(greaterThanEqual(x, scatteri_field_min.xyz)) &&\n"
+    "                  all(lessThanEqual(x, scatteri_field_max.xyz));\n"
+    "    float density = textureLod(scatteri_field, g, 0.0).x;\n"
+    "    return inside ? scatteri_field_min.w * density : 0.0;\n"
+    "}\n"
+    "#endif\n"
+    "#ifdef SCATTERI_FOG\n"
+    "float scatteri_fog_density(vec3 x) {\n"
+    "    float density = scatteri_emission.w;\n"
+    "    for (int i = 0; i < int(scatteri_counts.y); i++) {\n"
+    "        vec4 h = scatteri_heights[i];\n"
+    "        density += h.x * exp(min((h.y - x.y) / h.z, 80.0));\n"
+    "    }\n"
+    "    return density;\n"
+    "}\n"
+    "float scatteri_fog_depth(vec3 x, vec3 to, float segment) {\n"
+    "    float depth = scatteri_emission.w * segment;\n"
+    "    for (int i = 0; i < int(scatteri_counts.y); i++) {\n"
+    "        vec4 h = scatteri_heights[i];\n"
+    "        depth += scatteri_height_depth(h.x, h.y, h.z, x.y, to.y, segment);\n"
+    "    }\n"
+    "    return min(depth, SCATTERI_FAR);\n"
+    "}\n"
+    "#endif\n"
+    "vec3 scatteri_not_zero3(vec3 d) {\n"
+    "    return mix(d, vec3(1e-20), lessThan(abs(d), vec3(1e-20)));\n"
+    "}\n"
+    /* t of the faces that are met first and last, going along d. */
+    "vec3 scatteri_near_faces(vec3 low, vec3 high, vec3 x, vec3 d) {\n"
+    "    return (mix(low, high, lessThan(d, vec3(0.0))) - x) / d;\n"
+    "}\n"
+    "vec3 scatteri_far_faces(vec3 low, vec3 high, vec3 x, vec3 d) {\n"
+    "    return (mix(high, low, lessThan(d, vec3(0.0))) - x) / d;\n"
+    "}\n"
+    "float scatteri_least3(vec3 v) {\n"
+    "    return min(v.x, min(v.y, v.z));\n"
+    "}\n"
+    "float scatteri_most3(vec3 v) {\n"
+    "    return max(v.x, max(v.y, v.z));\n"
+    "}\n"
+    /* Part of the ray x + t d inside a box and between t.x and t.y; empty where t.y <= t.x. A ray that lies in a face
+       is inside. */
+    "vec2 scatteri_clip_box(vec3 low, vec3 high, vec3 x, vec3 d, vec2 t) {\n"
+    "    bvec3 still = equal(d, vec3(0.0));\n"
+    "    vec3 safe = mix(d, vec3(1.0), still);\n"
+    "    vec3 outside = 1.0 - step(low, x) * step(x, high);\n"
+    "    vec3 at = mix(vec3(-SCATTERI_FAR), vec3(SCATTERI_FAR), outside);\n"
+    "    vec3 near = mix(scatteri_near_faces(low, high, x, safe), at, still);\n"
+    "    vec3 far = mix(scatteri_far_faces(low, high, x, safe), -at, still);\n"
+    "    return vec2(max(t.x, scatteri_most3(near)), min(t.y, scatteri_least3(far)));\n"
+    "}\n"
+    /* Length of the segment from x towards a source, inside the bounds. */
+    "float scatteri_segment_to(vec3 x, vec3 to, float distance) {\n"
+    "#ifdef SCATTERI_BOUNDED\n"
+    "    vec3 ends = scatteri_far_faces(scatteri_bounds_min.xyz, scatteri_bounds_max.xyz, x,\n"
+    "                                   scatteri_not_zero3(to));\n"
+    "    return min(distance, max(scatteri_least3(ends), 0.0));\n"
+    "#else\n"
+    "    return distance;\n"
+    "#endif\n"
+    "}\n";
+
+/* Depth of the local terms as the volumes hold it, read as scatteri_read_cells and scatteri_read_columns do: between
+   values by the texture unit, one fetch, but for cells in the outer half of the outermost ones, where the linear function
+   goes on. */
+static const char scatteri_gl_volume[] =
+    "uniform highp sampler3D scatteri_volume;\n"
+    "#ifdef SCATTERI_CELLS\n"
+    /* All four sources at x in the local box. */
+    "vec4 scatteri_cells_at(vec3 x) {\n"
+    "    vec3 cells = vec3(scatteri_local_min.w);\n"
+    "    vec3 size = scatteri_local_max.xyz - scatteri_local_min.xyz;\n"
+    "    vec3 g = (x - scatteri_local_min.xyz) / size * cells;\n"
+    "    vec3 centre = clamp(g, vec3(0.5), cells - 0.5);\n"
+    "    vec3 off = clamp(g - centre, -0.5, 0.5);\n"
+    "    vec4 value = textureLod(scatteri_volume, centre / cells, 0.0);\n"
+    "    vec3 beyond = vec3(notEqual(off, vec3(0.0)));\n"
+    "    if (beyond == vec3(0.0))\n"
+    "        return value;\n"
+    "    vec4 sum = vec4(0.0);\n"
+    "    for (int i = 0; i < 8; i++) {\n"
+    "        vec3 mirrored = vec3(float(i & 1), float(i >> 1 & 1), float(i >> 2));\n"
+    "        vec3 w = 1.0 + beyond - mirrored * (1.0 + 2.0 * beyond);\n"
+    "        float weight = w.x * w.y * w.z;\n"
+    "        if (weight != 0.0)\n"
+    "            sum += weight * textureLod(scatteri_volume, (centre - mirrored * off) / cells, 0.0);\n"
+    "    }\n"
+    "    return sum;\n"
+    "}\n"
+    "float scatteri_cells_depth(int channel, vec3 x, vec3 to, float distance, float segment) {\n"
+    "    vec3 d = scatteri_not_zero3(to);\n"
+    "    vec3 near = scatteri_near_faces(scatteri_local_min.xyz, scatteri_local_max.xyz, x, d);\n"
+    "    vec3 far = scatteri_far_faces(scatteri_local_min.xyz, scatteri_local_max.xyz, x, d);\n"
+    "    float enter = max(scatteri_most3(near), 0.0);\n"
+    "    float leave = min(scatteri_least3(far), segment);\n"
+    "    if (leave < enter)\n"
+    "        return 0.0;\n"
+    "    float rest = scatteri_light[channel].w > 1.5 ? 1.0 : distance - enter;\n"
+    "    return max(rest * scatteri_cells_at(x + enter * to)[channel], 0.0);\n"
+    "}\n"
+    "#endif\n"
+    "#ifdef SCATTERI_POLAR\n"
+    "float scatteri_columns_depth(int channel, vec3 x, float distance) {\n"
+    "    vec4 u = scatteri_axis_u[channel];\n"
+    "    vec4 v = scatteri_axis_v[channel];\n"
+    "    vec4 w = scatteri_axis_w[channel];\n"
+    "    vec4 per = scatteri_polar[channel];\n"
+    "    vec4 count = scatteri_polar_size[channel];\n"
+    "    vec3 o = x - scatteri_light[channel].xyz;\n"
+    "    vec3 q = vec3(dot(o, u.xyz), dot(o, v.xyz), dot(o, w.xyz));\n"
+    "    bool parallel = count.w > 0.5;\n"
+    "    vec2 column = parallel ? q.xy : scatteri_oct_encode(q);\n"
+    "    float r = min(parallel ? q.z : distance, per.w);\n"
+    "    vec3 g = (vec3(column, r) - vec3(u.w, v.w, w.w)) * per.xyz;\n"
+    "    g = clamp(g, vec3(0.0), count.xyz - 1.0) + 0.5;\n"
+    "    vec3 size = vec3(textureSize(scatteri_volume, 0));\n"
+    "    float value = textureLod(scatteri_volume, g / size, 0.0)[channel];\n"
+    "    return parallel ? value : r * value;\n"
+    "}\n"
+    "#endif\n"
+    "#if defined(SCATTERI_CELLS) || defined(SCATTERI_POLAR)\n"
+    /* Of source `channel` of the batch; `segment`: part of `distance` inside the bounds. */
+    "float scatteri_volume_depth(int channel, vec3 x, vec3 to, float distance, float segment) {\n"
+    "#ifdef SCATTERI_POLAR\n"
+    "    return scatteri_columns_depth(channel, x, distance);\n"
+    "#else\n"
+    "    return scatteri_cells_depth(channel, x, to, distance, segment);\n"
+    "#endif\n"
+    "}\n"
+    "#endif\n";
+
 static const char scatteri_gl_view[] =
     "out vec4 scatteri_color;\n"
     "void main() {\n"
@@ -938,6 +1121,9 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
                                                            SCATTERI_GL_CORE
                                                            {"blocks", scatteri_gl_blocks},
                                                            {"whole", scatteri_gl_whole},
+                                                           {"gaussians", scatteri_gl_gaussians},
+                                                           {"density", scatteri_gl_density},
+                                                           {"volume", scatteri_gl_volume},
                                                            {"view", scatteri_gl_view}};
 
 /* --------------------------------------------------------------------------------------- >>program */
@@ -1759,8 +1945,8 @@ static void scatteri_gl_send_medium(scatter_gl *f)
     scatteri_gl_put3(b->albedo, scatteri_mul(d->albedo, d->extinction), m->sigma_least);
     scatteri_gl_put3(b->emission, d->emission, d->constant);
     scatteri_gl_put(b->lobe, m->lobes.g1, m->lobes.alpha1, m->lobes.g2, m->lobes.alpha2);
-    scatteri_gl_put(b->lobes, m->lobes.weight, m->turn, (float)m->gaussians.count,
-                    (float)d->height_count);
+    scatteri_gl_put(b->lobes, m->lobes.weight, m->turn, 0.0f, 0.0f);
+    scatteri_gl_put(b->counts, (float)m->gaussians.count, (float)d->height_count, 0.0f, 0.0f);
     scatteri_gl_put3(b->bounds_min, bounds.min, 0.0f);
     scatteri_gl_put3(b->bounds_max, bounds.max, 0.0f);
     scatteri_gl_put3(b->local_min, local.min, (float)f->quality.grid);
@@ -1774,9 +1960,9 @@ static void scatteri_gl_send_medium(scatter_gl *f)
         scatteri_gl_put3(b->field_min, local.min, 1.0f);
         scatteri_gl_put3(b->field_max, local.max, 0.0f);
     }
-    if (f->density != NULL)
-        scatteri_gl_put(b->field_size, (float)f->density->width, (float)f->density->height,
-                        (float)f->density->depth, 0.0f);
+    scatteri_gl_put(b->field_per, 1.0f / (b->field_max[0] - b->field_min[0]),
+                    1.0f / (b->field_max[1] - b->field_min[1]),
+                    1.0f / (b->field_max[2] - b->field_min[2]), 0.0f);
     scatteri_gl_put(b->trim, f->trim.rays, 0.0f, 0.0f, 0.0f);
     scatteri_gl_put(b->nodes, (float)f->quality.nodes, SCATTERI_PANEL, (float)f->quality.nodes,
                     (float)SCATTERI_PROBES);
