@@ -1941,7 +1941,7 @@ enum {
 };
 
 static const scatteri_gl_pass scatteri_gl_passes[] = {
-    {"view", "prelude whole", "prelude vector erf span quick integrals phase maps blocks gaussians density volume camera eye ends shadow_maps visible scattering nodes panels pieces cuts ray march view", ~0u},
+    {"view", "prelude whole", "prelude vector erf span quick integrals phase maps tone blocks gaussians density volume camera eye ends shadow_maps visible scattering nodes panels pieces cuts ray march view", ~0u},
 };
 
 static const struct {
@@ -1949,6 +1949,7 @@ static const struct {
     unsigned features;
 } scatteri_gl_needed[] = {
     {"phase", SCATTERI_GL_HAS_ONE_LOBE | SCATTERI_GL_HAS_TWO_LOBES},
+    {"tone", SCATTERI_GL_HAS_SPOT},
 };
 
 /* A text in parts. */
@@ -2046,7 +2047,7 @@ static unsigned scatteri_gl_compile(scatter_gl *f, unsigned type, const char *pa
 {
     const scatteri_gl_functions *gl = &f->gl;
     const unsigned shader = gl->CreateShader(type);
-    char said[512] = "";
+    char said[2048] = "";
     int done = 0;
     gl->ShaderSource(shader, source->count, source->parts, NULL);
     gl->CompileShader(shader);
@@ -2096,7 +2097,7 @@ static unsigned scatteri_gl_link(scatter_gl *f, scatteri_gl_key key)
     const scatteri_gl_pass *pass = &scatteri_gl_passes[key.pass];
     scatteri_gl_source source;
     unsigned vertex, fragment, program = 0;
-    char said[512] = "";
+    char said[2048] = "";
     int done = 0;
     scatteri_gl_assemble(scatteri_gl_version_text(f), key, pass->fragment, &source);
     fragment = scatteri_gl_compile(f, SCATTERI_GL_FRAGMENT, pass->name, &source);
