@@ -135,13 +135,12 @@ static inline int host_gl_read(host_gl *host, const file_picture *picture);
 /* ---------------------------------------------------------------------------------------- >>GL */
 
 enum {
-    HOST_GL_NO_ERROR = 0,
+    HOST_GL_NONE = 0,
     HOST_GL_TRIANGLES = 4,
     HOST_GL_ALWAYS = 0x0207,
     HOST_GL_DEPTH_TEST = 0x0B71,
     HOST_GL_MAX_TEXTURE_SIZE = 0x0D33,
     HOST_GL_TEXTURE_2D = 0x0DE1,
-    HOST_GL_UNSIGNED_INT = 0x1405,
     HOST_GL_FLOAT = 0x1406,
     HOST_GL_DEPTH_COMPONENT = 0x1902,
     HOST_GL_RGBA = 0x1908,
@@ -177,6 +176,12 @@ static inline int host_gl_fail(host_gl *host, const char *format, ...)
     return 1;
 }
 
+static inline const char *host_gl_string(const host_gl *host, unsigned what)
+{
+    const char *text = (const char *)host->gl.GetString(what);
+    return text ? text : "unknown";
+}
+
 static inline int host_gl_load(host_gl *host, scatter_gl_proc (*get)(const char *name))
 {
 #define HOST_GL_FIND(name, result, arguments)                                                      \
@@ -185,8 +190,7 @@ static inline int host_gl_load(host_gl *host, scatter_gl_proc (*get)(const char 
         return host_gl_fail(host, "the driver has no gl" #name);
     HOST_GL_FUNCTIONS(HOST_GL_FIND)
 #undef HOST_GL_FIND
-    const char *version = (const char *)host->gl.GetString(HOST_GL_VERSION);
-    host->es = version && strncmp(version, "OpenGL ES", 9) == 0;
+    host->es = strncmp(host_gl_string(host, HOST_GL_VERSION), "OpenGL ES", 9) == 0;
     return 0;
 }
 
@@ -1042,7 +1046,7 @@ static inline void host_gl_aim(host_gl *host, const host_gl_options *options)
 /* Shadow maps, once the program that fills them is there. */
 static inline int host_gl_cast_shadows(host_gl *host)
 {
-    static const unsigned none = HOST_GL_NO_ERROR;
+    static const unsigned none = HOST_GL_NONE;
     const char *text[] = {host_gl_version(host), host_gl_spans, host_gl_middle};
     host->shadow = host_gl_program(host, text, 3);
     if (!host->shadow)
