@@ -1,11 +1,12 @@
 /* render.c - scatter-render: renders a scene file, measures the time and the error. MIT licence,
    see LICENSE.
 
-   Sections: options, host (memory, threads, progress), measuring, output, main. */
+   Sections: options, host (memory, threads, progress), measuring, GPU, output, main. */
 #define _POSIX_C_SOURCE 200809L
 #define SCATTER_IMPLEMENTATION
 #include "../scatter.h"
 #include "files.h"
+#include "render_gl.h"
 #include "scene.h"
 
 #include <pthread.h>
@@ -24,7 +25,11 @@ static const char usage[] =
     "  --threads N       default: one for each processor\n"
     "  --repeat N        measure N times and report medians (1)\n"
     "  --reference FILE  .pfm to compare with\n"
-    "  --json            report one line of JSON\n";
+    "  --json            report one line of JSON\n"
+    "  --gl              through scatter_gl.h, on the GPU that the driver finds\n"
+    "  --api NAME        with --gl: gl33 gl45 es30 osmesa (gl33)\n"
+    "  --divide N        with --gl: fog at full, half or quarter resolution: 1 2 4 (1)\n"
+    "  --shadow-map N    with --gl: texels to a side, of cubes half of it (2048)\n";
 
 /* ----------------------------------------------------------------------------------- >>options */
 
@@ -35,6 +40,8 @@ typedef struct options {
     scatter_quality quality;
     float budget;              /* relative RMSE; 0: none, the quality is as asked for */
     scatter_forecast forecast; /* for the budget */
+    int gl;
+    render_gl_options on_gl;
 } options;
 
 /* "scatter-render: sentence" to the error output; returns `status`. */
@@ -103,6 +110,20 @@ static int method_option(options *o, const char *name, const char *text) {
     return 0;
 }
 
+static int api_option(options *o, const char *text) {
+    static const char *const names[] = {"gl33", "gl45", "es30", "osmesa"};
+    o->on_gl.api = text;
+    if (scene_name(names, sizeof names / sizeof *names, text) < 0)
+        return complain(2, "--api: expected gl33, gl45, es30 or osmesa, found '%s'", text);
+    return 0;
+}
+
+static int divide_option(options *o, const char *text) {
+    if (number_option("--divide", text, 1, 4, &o->on_gl.divide))
+        return 1;
+    return o->on_gl.divide == 3 ? complain(2, "--divide: expected 1, 2 or 4, found 3") : 0;
+}
+
 static int file_option(const char *name, const char *text, const char *endings, const char **file) {
     const char *dot = strrchr(text, '.');
     *file = text;
@@ -128,14 +149,21 @@ static int option_with_value(options *o, const char *name, const char *value) {
         return number_option(name, value, 1, 1024, &o->threads);
     if (strcmp(name, "--repeat") == 0)
         return number_option(name, value, 1, 10000, &o->repeat);
+    if (strcmp(name, "--api") == 0)
+        return api_option(o, value);
+    if (strcmp(name, "--divide") == 0)
+        return divide_option(o, value);
+    if (strcmp(name, "--shadow-map") == 0)
+        return number_option(name, value, 16, 16384, &o->on_gl.shadow_map);
     return method_option(o, name, value);
 }
 
 /* Whether an option exists and takes a value. */
 static int takes_value(const char *name) {
-    static const char *const names[] = {"--out",     "--size",      "--depth", "--ray",
-                                        "--density", "--nodes",     "--grid",  "--threads",
-                                        "--repeat",  "--reference", "--budget"};
+    static const char *const names[] = {"--out",    "--size",      "--depth",  "--ray",
+                                        "--density", "--nodes",     "--grid",   "--threads",
+                                        "--repeat",  "--reference", "--budget", "--api",
+                                        "--divide",  "--shadow-map"};
     return scene_name(names, sizeof names / sizeof *names, name) >= 0;
 }
 
@@ -144,6 +172,8 @@ static int parse_options(int count, char **arguments, options *o) {
         const char *name = arguments[i];
         if (strcmp(name, "--json") == 0)
             o->json = 1;
+        else if (strcmp(name, "--gl") == 0)
+            o->gl = 1;
         else if (takes_value(name)) {
             if (i + 1 == count)
                 return complain(2, "%s: expected a value behind it", name);
@@ -159,6 +189,8 @@ static int parse_options(int count, char **arguments, options *o) {
     if (o->budget > 0 && (o->quality.depth || o->quality.ray || o->quality.density ||
                           o->quality.nodes || o->quality.grid))
         return complain(2, "--budget: chooses depth, ray, density, nodes and grid itself");
+    if (!o->gl && (o->on_gl.api || o->on_gl.divide || o->on_gl.shadow_map))
+        return complain(2, "--api, --divide and --shadow-map: expected --gl as well");
     if (!o->scene)
         return complain(2, "expected a scene file; --help lists the options");
     if (o->quality.ray == SCATTER_RAY_QUADRATURE && o->quality.nodes > 256)
@@ -358,15 +390,39 @@ static int plan(options *o, const scene_file *file, host_state *state,
     return 0;
 }
 
-/* All repeats; leaves the medians in *t. */
+/* What a renderer on the GPU tells about itself. */
+typedef struct gpu_report {
+    char renderer[128], driver[128]; /* as OpenGL names them */
+    double first;                    /* ms from nothing to the first picture, with compiling */
+    scatter_gl_times passes;
+    size_t texture_bytes;
+} gpu_report;
+
+/* One update with everything to do, and one picture of the fog. The surfaces are not counted. */
+static scatter_result render_once_on_gpu(render_gl *gl, timing *t) {
+    int failed = render_gl_forget(gl);
+    double start = now_ms();
+    failed = failed || render_gl_update(gl);
+    double ready = now_ms();
+    failed = failed || render_gl_scene(gl);
+    double lit = now_ms();
+    failed = failed || render_gl_fog(gl);
+    t->setup = ready - start;
+    t->rays = now_ms() - lit;
+    t->total = t->setup + t->rays;
+    return failed ? SCATTER_UNSUPPORTED : SCATTER_OK;
+}
+
+/* All repeats, on the GPU if there is one; leaves the medians in *t. */
 static int render(const options *o, const scene_file *file, host_state *state,
-                  const file_picture *picture, timing *t) {
+                  const file_picture *picture, render_gl *gl, timing *t) {
     size_t count = (size_t)o->repeat;
     timing *timings = (timing *)malloc(count * sizeof *timings);
     double *scratch = (double *)malloc(count * sizeof *scratch);
     scatter_result result = timings && scratch ? SCATTER_OK : SCATTER_OUT_OF_MEMORY;
     for (int i = 0; i < o->repeat && result == SCATTER_OK; i++)
-        result = render_once(o, file, state, picture, &timings[i]);
+        result = gl ? render_once_on_gpu(gl, &timings[i])
+                    : render_once(o, file, state, picture, &timings[i]);
     if (result == SCATTER_OK) {
         t->setup = median(timings, o->repeat, offsetof(timing, setup), scratch);
         t->rays = median(timings, o->repeat, offsetof(timing, rays), scratch);
@@ -380,6 +436,40 @@ static int render(const options *o, const scene_file *file, host_state *state,
         return complain(1, "%s: %s", o->scene,
                         state->sentence[0] ? state->sentence : "out of memory");
     return 0;
+}
+
+/* Opens the GPU and shows it the picture once. */
+static int start_gpu(const options *o, const scene_file *file, host_state *state,
+                     const file_picture *picture, render_gl *gl, gpu_report *gpu) {
+    scatter_host host = make_host(state);
+    int failed = render_gl_open(gl, file, picture->width, picture->height, &o->quality, &o->on_gl);
+    double start = state->start = now_ms();
+    failed = failed || render_gl_create(gl, &host) || render_gl_update(gl) ||
+             render_gl_scene(gl) || render_gl_fog(gl);
+    gpu->first = now_ms() - start;
+    if (failed)
+        return complain(1, "%s: %s", o->scene,
+                        render_gl_why(gl)[0] ? render_gl_why(gl) : state->sentence);
+    snprintf(gpu->renderer, sizeof gpu->renderer, "%s",
+             host_gl_string(&gl->scene, HOST_GL_RENDERER));
+    snprintf(gpu->driver, sizeof gpu->driver, "%s", host_gl_string(&gl->scene, HOST_GL_VERSION));
+    return 0;
+}
+
+static int render_on_gpu(const options *o, const scene_file *file, host_state *state,
+                         const file_picture *picture, gpu_report *gpu, timing *t) {
+    render_gl gl;
+    int status = start_gpu(o, file, state, picture, &gl, gpu);
+    if (!status)
+        status = render(o, file, state, picture, &gl, t);
+    if (!status) {
+        gpu->passes = scatter_gl_get_times(gl.fog);
+        gpu->texture_bytes = scatter_gl_get_stats(gl.fog).texture_bytes;
+        if (host_gl_read(&gl.scene, picture))
+            status = complain(1, "%s: %s", o->scene, render_gl_why(&gl));
+    }
+    render_gl_close(&gl);
+    return status;
 }
 
 typedef struct difference {
@@ -410,8 +500,8 @@ static int check_picture(const options *o, const file_picture *picture) {
         if (!isfinite(picture->rgb[3 * i] + picture->rgb[3 * i + 1] + picture->rgb[3 * i + 2]))
             wrong++;
     if (wrong)
-        return complain(1, "%s: %.0f pixels are not finite, which is a fault of scatter.h",
-                        o->scene, (double)wrong);
+        return complain(1, "%s: %.0f pixels are not finite, which is a fault of %s",
+                        o->scene, (double)wrong, o->gl ? "scatter_gl.h" : "scatter.h");
     return 0;
 }
 
@@ -516,8 +606,24 @@ static void print_number(const char *name, double value, int known) {
         printf(", \"%s\": null", name);
 }
 
+/* What --gl adds: ms_rays of the GPU is the time of the draw, gpu_* what its own timers say. */
+static void print_gpu(const options *o, const gpu_report *gpu) {
+    const scatter_gl_times *p = &gpu->passes;
+    printf(", \"api\": \"%s\", \"renderer\": ", o->on_gl.api ? o->on_gl.api : "gl33");
+    print_string(gpu->renderer);
+    printf(", \"driver\": ");
+    print_string(gpu->driver);
+    printf(", \"divide\": %d", o->on_gl.divide ? o->on_gl.divide : 1);
+    print_number("ms_first", gpu->first, 1);
+    print_number("gpu_inject", (double)p->inject, p->inject >= 0);
+    print_number("gpu_depth", (double)p->depth, p->depth >= 0);
+    print_number("gpu_view", (double)p->view, p->view >= 0);
+    print_number("gpu_upsample", (double)p->upsample, p->upsample >= 0);
+    printf(", \"texture_bytes\": %.0f", (double)gpu->texture_bytes);
+}
+
 static void print_json(const options *o, const file_picture *picture, const timing *t,
-                       const difference *d, const host_state *state) {
+                       const difference *d, const gpu_report *gpu, const host_state *state) {
     const scatter_quality *q = &o->quality;
     printf("{\"scene\": ");
     print_string(o->scene);
@@ -534,7 +640,10 @@ static void print_json(const options *o, const file_picture *picture, const timi
     print_number("predicted", (double)o->forecast.estimate.error, o->budget > 0);
     print_number("rel_rmse", d->rel_rmse, d->known);
     print_number("max_abs", d->max_abs, d->known);
-    printf(", \"bytes\": %.0f}\n", (double)state->peak);
+    printf(", \"bytes\": %.0f", (double)state->peak);
+    if (o->gl)
+        print_gpu(o, gpu);
+    puts("}");
 }
 
 static void print_report(const options *o, const file_picture *picture, const timing *t,
@@ -559,13 +668,16 @@ static int run(options *o, const scene_file *file, const file_picture *picture) 
     host_state state;
     timing t = {0, 0, 0};
     difference d = {0, 0, 0};
+    gpu_report gpu;
+    memset(&gpu, 0, sizeof gpu);
     memset(&state, 0, sizeof state);
     state.threads = o->threads;
     state.scene = o->scene;
     pthread_mutex_init(&state.lock, NULL);
     int status = plan(o, file, &state, picture);
     if (!status)
-        status = render(o, file, &state, picture, &t);
+        status = o->gl ? render_on_gpu(o, file, &state, picture, &gpu, &t)
+                       : render(o, file, &state, picture, NULL, &t);
     if (!status)
         status = check_picture(o, picture);
     if (!status)
@@ -573,7 +685,7 @@ static int run(options *o, const scene_file *file, const file_picture *picture) 
     if (!status)
         status = write_picture(o->out, picture);
     if (!status && o->json)
-        print_json(o, picture, &t, &d, &state);
+        print_json(o, picture, &t, &d, &gpu, &state);
     else if (!status)
         print_report(o, picture, &t, &d);
     pthread_mutex_destroy(&state.lock);
