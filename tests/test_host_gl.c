@@ -24,7 +24,23 @@ const char *__lsan_default_suppressions(void)
 }
 
 static const host_gl_options small = {64, NULL}; /* shadow maps */
-static const char *const scenes[] = {"window", "spot", "horizon", "fire", "smoke"};
+static const char *const scenes[] = {"window", "spot", "horizon", "fire", "smoke", "mixed"};
+
+/* What no scene in examples/ has: a parallel projection, a sheet, a lamp below the ground, one in a
+   lampshade, a spot light of more than half a sphere, a sun at the zenith. */
+static const char mixed[] = "image 64 48\n"
+                            "camera orthographic 2 6 9  0 0.7 0  0 1 0  5\n"
+                            "medium 0 0 0  1 1 1\n"
+                            "light point 0.4 -2 1  50 60 70\n"
+                            "light point -1.5 0.6 -0.4  9 9 7\n"
+                            "light spot 1.5 2.2 0.5  -0.4 -1 0.2  30 100  20 22 30\n"
+                            "light directional 0 -1 0  1 1.5 2\n"
+                            "light spot 2.5 2.5 2.5  -1 -0.9 -1  20 25  60 50 40\n"
+                            "plane 0 1 0 0  0.5 0.5 0.5\n"
+                            "box -2 0.1 -1 -1 1.2 0  0.8 0.7 0.6\n"
+                            "box 0.5 0 0.1 0.5 0.9 1  0.8 0.2 0.2\n"
+                            "sphere 0 0.7 -0.3 0.6  0.3 0.4 0.9\n"
+                            "background 0.2 0.3 0.4\n";
 enum { WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT };
 
 /* ----------------------------------------------------------------------------------- >>helpers */
@@ -44,7 +60,10 @@ static void stage_open(stage *s, const char *api, const char *name, const host_g
         printf("%s\n", s->context.error);
         skip();
     }
-    assert_int_equal(scene_read(&s->file, path), 0);
+    assert_int_equal(strcmp(name, "mixed") == 0
+                         ? scene_parse(&s->file, mixed, sizeof mixed - 1, NULL)
+                         : scene_read(&s->file, path),
+                     0);
     s->file.scene.medium.extinction = s->file.scene.medium.emission = scatter_v3(0, 0, 0);
     if (host_gl_open(&s->host, s->context.get_proc_address, &s->file, WIDTH, HEIGHT, options) ||
         host_gl_surface(&s->host, NULL))
@@ -313,7 +332,7 @@ static double texel(const stage *s, const scatter_gl_light *light, const double 
     for (int i = 0; i < 3; i++)
         r[i] -= p[i];
     if (light->shadow.kind == SCATTER_GL_SHADOW_CUBE)
-        return sqrt(3 * scene_dot(r, r)) * 4 / s->host.shadow_map;
+        return sqrt(scene_dot(r, r)) * 4 / s->host.shadow_map;
     project(&light->shadow, p, at);
     for (int i = 0; i < 3; i++) {
         memcpy(q, p, sizeof q);
@@ -371,7 +390,7 @@ static void point_near(const stage *s, uint64_t *seed, double *p)
     scene_doubles(shape->kind == SCENE_SPHERE ? shape->a : shape->b, high);
     for (int i = 0; i < 3; i++) {
         double middle = (low[i] + high[i]) / 2, half = (high[i] - low[i]) / 2;
-        double reach = shape->kind == SCENE_SPHERE ? (double)shape->radius : half;
+        double reach = shape->kind == SCENE_SPHERE ? (double)shape->radius : fmax(half, 0.1);
         p[i] = middle + 3 * reach * (double)check_uniform(seed, -1, 1);
     }
 }
@@ -417,10 +436,10 @@ static void spoil(const stage *s, scatter_gl_light *light, float *depth)
 /* Away from edges the maps know what scene_visible knows. */
 static void check_maps(const char *name, int *dark)
 {
-    const host_gl_options options = {512, NULL};
+    const host_gl_options fine = {512, NULL};
     maps m;
     stage s;
-    stage_open(&s, "gl33", name, &options);
+    stage_open(&s, "gl33", name, &fine);
     read_maps(&s, &m);
     for (size_t i = 0; i < s.file.scene.light_count; i++) {
         scatter_gl_light *light = &s.host.lights[i];
