@@ -163,7 +163,7 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *fog, const scatter_qua
 /* For the host's own shaders: text to put between #version and the shader, with
      vec3 scatter_light_transmittance(int light, vec3 world)   T(P, S) between a surface and a light
      vec4 scatter_fog(vec4 premultiplied, vec3 world)          a transparent fragment seen through the fog */
-SCATTER_API const char *scatter_gl_surface_glsl(const scatter_gl *fog);
+SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *fog);
 /* Binds what that text reads: six texture units from first_unit on, uniform blocks at first_block and first_block + 1,
    and sets the program's uniforms. This one changes the host's state, and leaves `program` in use. */
 SCATTER_API scatter_result scatter_gl_bind_surface(scatter_gl *fog, unsigned program, int first_unit,
@@ -460,6 +460,24 @@ enum {
     V(froxels)      /* nx, ny, nz, log(far / near) */ \
     V(froxel_range) /* near, far */
 
+/* For the host's shaders: what the lights block holds, for 16 slots, and the camera of the froxels. */
+#define SCATTERI_GL_SURFACE_BLOCK(V, A) \
+    V(surface_batch) /* lights to a batch, 1: the eye is in channel 0 */ \
+    V(surface_ref) \
+    V(surface_range) /* near, log(far / near), middle of the first slice */ \
+    V(froxel_eye)    /* w: 1 if perspective */ \
+    V(froxel_x) \
+    V(froxel_y) \
+    V(froxel_w) \
+    V(froxel_t) \
+    A(light, 16) \
+    A(direction, 16) \
+    A(axis_u, 16) \
+    A(axis_v, 16) \
+    A(axis_w, 16) \
+    A(polar, 16) \
+    A(polar_size, 16)
+
 #define SCATTERI_GL_C_ONE(name) float name[4];
 #define SCATTERI_GL_C_ARRAY(name, count) float name[count][4];
 #define SCATTERI_GL_TEXT(text) SCATTERI_GL_TEXT_OF(text)
@@ -475,6 +493,10 @@ typedef struct scatteri_gl_medium_block {
 typedef struct scatteri_gl_lights_block {
     SCATTERI_GL_LIGHTS_BLOCK(SCATTERI_GL_C_ONE, SCATTERI_GL_C_ARRAY)
 } scatteri_gl_lights_block;
+
+typedef struct scatteri_gl_surface_block {
+    SCATTERI_GL_SURFACE_BLOCK(SCATTERI_GL_C_ONE, SCATTERI_GL_C_ARRAY)
+} scatteri_gl_surface_block;
 
 typedef struct scatteri_gl_view_block {
     SCATTERI_GL_VIEW_BLOCK(SCATTERI_GL_C_ONE, SCATTERI_GL_C_ARRAY)
@@ -527,7 +549,7 @@ struct scatter_gl {
     scatteri_gl_functions gl;
     int es, version;          /* 330, 450, 300 ... */
     int max_3d, max_2d, draw_buffers;
-    int can_blend_float, can_filter_float, can_draw_float;
+    int can_blend_float, can_filter_float, can_draw_float, can_draw_half;
     int lost; /* no GL calls any more */
 
     scatteri_medium medium;
@@ -546,7 +568,11 @@ struct scatter_gl {
     scatteri_gl_texture gaussians, rules, *grids, field, *volumes; /* volumes: one for each batch */
     int grid_room;
     scatteri_gl_texture running[2], wave[2]; /* of running sums and of the wavefront */
-    scatteri_gl_texture reduced[2], froxels;  /* L and T at reduced resolution */
+    scatteri_gl_texture reduced[2];           /* L and T at reduced resolution */
+    scatteri_gl_texture froxels, froxel_running[2];
+    char *surface_text;
+    unsigned surface_features, surface_buffer;
+    scatteri_gl_surface_block surface_block;
     const scatteri_gl_texture *density;       /* the field that is read: a grid's, or `field` */
     int injected_version;                     /* of the medium in `field` */
     int rule_nodes;                           /* `rules` are made for */
@@ -923,6 +949,15 @@ static const char scatteri_gl_blocks[] =
         SCATTERI_GL_GLSL_ONE, SCATTERI_GL_GLSL_ARRAY)
     "};\n";
 
+static const char scatteri_gl_surface_blocks[] =
+    "#define SCATTERI_FAR " SCATTERI_GL_TEXT(SCATTERI_FAR) "\n"
+    "layout(std140) uniform scatteri_medium_block {\n" SCATTERI_GL_MEDIUM_BLOCK(
+        SCATTERI_GL_GLSL_ONE, SCATTERI_GL_GLSL_ARRAY)
+    "};\n"
+    "layout(std140) uniform scatteri_surface_block {\n" SCATTERI_GL_SURFACE_BLOCK(
+        SCATTERI_GL_GLSL_ONE, SCATTERI_GL_GLSL_ARRAY)
+    "};\n";
+
 static const char scatteri_gl_whole[] =
     "void main() {\n"
     "    vec2 corner = vec2(float((gl_VertexID << 1) & 2), float(gl_VertexID & 2));\n"
@@ -1040,20 +1075,47 @@ static const char scatteri_gl_density[] =
     "#endif\n"
     "}\n";
 
+/* Volumes of one batch, or of four for surfaces: slot 4 b + c is channel c of batch b. */
+static const char scatteri_gl_one_volume[] =
+    "uniform highp sampler3D scatteri_volume;\n"
+    "vec4 scatteri_volume_at(int slot, vec3 g) {\n"
+    "    return textureLod(scatteri_volume, g, 0.0);\n"
+    "}\n"
+    "vec3 scatteri_volume_size(int slot) {\n"
+    "    return vec3(textureSize(scatteri_volume, 0));\n"
+    "}\n";
+
+static const char scatteri_gl_four_volumes[] =
+    "uniform highp sampler3D scatteri_volume0;\n"
+    "uniform highp sampler3D scatteri_volume1;\n"
+    "uniform highp sampler3D scatteri_volume2;\n"
+    "uniform highp sampler3D scatteri_volume3;\n"
+    "vec4 scatteri_volume_at(int slot, vec3 g) {\n"
+    "    return slot < 4    ? textureLod(scatteri_volume0, g, 0.0)\n"
+    "           : slot < 8  ? textureLod(scatteri_volume1, g, 0.0)\n"
+    "           : slot < 12 ? textureLod(scatteri_volume2, g, 0.0)\n"
+    "                       : textureLod(scatteri_volume3, g, 0.0);\n"
+    "}\n"
+    "vec3 scatteri_volume_size(int slot) {\n"
+    "    return vec3(slot < 4    ? textureSize(scatteri_volume0, 0)\n"
+    "                : slot < 8  ? textureSize(scatteri_volume1, 0)\n"
+    "                : slot < 12 ? textureSize(scatteri_volume2, 0)\n"
+    "                            : textureSize(scatteri_volume3, 0));\n"
+    "}\n";
+
 /* Depth of the local terms as the volumes hold it, read as scatteri_read_cells and scatteri_read_columns do: between
    values by the texture unit, one fetch, but for cells in the outer half of the outermost ones, where the linear function
    goes on. */
 static const char scatteri_gl_volume[] =
-    "uniform highp sampler3D scatteri_volume;\n"
     "#ifdef SCATTERI_CELLS\n"
     /* All four sources at x in the local box. */
-    "vec4 scatteri_cells_at(vec3 x) {\n"
+    "vec4 scatteri_cells_at(int slot, vec3 x) {\n"
     "    vec3 cells = vec3(scatteri_local_min.w);\n"
     "    vec3 size = scatteri_local_max.xyz - scatteri_local_min.xyz;\n"
     "    vec3 g = (x - scatteri_local_min.xyz) / size * cells;\n"
     "    vec3 centre = clamp(g, vec3(0.5), cells - 0.5);\n"
     "    vec3 off = clamp(g - centre, -0.5, 0.5);\n"
-    "    vec4 value = textureLod(scatteri_volume, centre / cells, 0.0);\n"
+    "    vec4 value = scatteri_volume_at(slot, centre / cells);\n"
     "    vec3 beyond = vec3(notEqual(off, vec3(0.0)));\n"
     "    if (beyond == vec3(0.0))\n"
     "        return value;\n"
@@ -1063,7 +1125,7 @@ static const char scatteri_gl_volume[] =
     "        vec3 w = 1.0 + beyond - mirrored * (1.0 + 2.0 * beyond);\n"
     "        float weight = w.x * w.y * w.z;\n"
     "        if (weight != 0.0)\n"
-    "            sum += weight * textureLod(scatteri_volume, (centre - mirrored * off) / cells, 0.0);\n"
+    "            sum += weight * scatteri_volume_at(slot, (centre - mirrored * off) / cells);\n"
     "    }\n"
     "    return sum;\n"
     "}\n"
@@ -1076,7 +1138,7 @@ static const char scatteri_gl_volume[] =
     "    if (leave < enter)\n"
     "        return 0.0;\n"
     "    float rest = scatteri_light[channel].w > 1.5 ? 1.0 : distance - enter;\n"
-    "    return max(rest * scatteri_cells_at(x + enter * to)[channel], 0.0);\n"
+    "    return max(rest * scatteri_cells_at(channel, x + enter * to)[channel & 3], 0.0);\n"
     "}\n"
     "#endif\n"
     "#ifdef SCATTERI_POLAR\n"
@@ -1093,8 +1155,8 @@ static const char scatteri_gl_volume[] =
     "    float r = min(parallel ? q.z : distance, per.w);\n"
     "    vec3 g = (vec3(column, r) - vec3(u.w, v.w, w.w)) * per.xyz;\n"
     "    g = clamp(g, vec3(0.0), count.xyz - 1.0) + 0.5;\n"
-    "    vec3 size = vec3(textureSize(scatteri_volume, 0));\n"
-    "    float value = textureLod(scatteri_volume, g / size, 0.0)[channel];\n"
+    "    vec3 size = scatteri_volume_size(channel);\n"
+    "    float value = scatteri_volume_at(channel, g / size)[channel & 3];\n"
     "    return parallel ? value : r * value;\n"
     "}\n"
     "#endif\n"
@@ -1140,9 +1202,12 @@ static const char scatteri_gl_camera[] =
     "    scatteri_t0 = t.x < t.y ? t.x : 0.0;\n"
     "    scatteri_t1 = t.x < t.y ? t.y : 0.0;\n"
     "}\n"
+    "vec3 scatteri_direction_at(vec2 c) {\n"
+    "    return scatteri_forward.xyz + c.x * scatteri_forward_dx.xyz + c.y * scatteri_forward_dy.xyz;\n"
+    "}\n"
     "void scatteri_begin_ray(vec2 pixel) {\n"
     "    vec2 c = pixel * scatteri_window.zw - 1.0;\n"
-    "    vec3 d = scatteri_forward.xyz + c.x * scatteri_forward_dx.xyz + c.y * scatteri_forward_dy.xyz;\n"
+    "    vec3 d = scatteri_direction_at(c);\n"
     "    float size = length(d);\n"
     "    scatteri_o = scatteri_eye.xyz + c.x * scatteri_eye_dx.xyz + c.y * scatteri_eye_dy.xyz;\n"
     "    scatteri_d = d / size;\n"
@@ -1357,8 +1422,8 @@ static const char scatteri_gl_visible[] =
     "}\n"
     "#endif\n";
 
-/* What a light sends towards the eye. */
-static const char scatteri_gl_scattering[] =
+/* Depth between a point and a light. */
+static const char scatteri_gl_depth_to[] =
     "/* Depth between x and source l, which lies at `distance` in the direction `to`. */\n"
     "float scatteri_depth_to(int l, vec3 x, vec3 to, float distance) {\n"
     "    float segment = scatteri_segment_to(x, to, distance), sum = 0.0;\n"
@@ -1371,7 +1436,10 @@ static const char scatteri_gl_scattering[] =
     "    sum += scatteri_fog_depth(x, to, segment);\n"
     "#endif\n"
     "    return sum;\n"
-    "}\n"
+    "}\n";
+
+/* What a light sends towards the eye. */
+static const char scatteri_gl_scattering[] =
     "/* Phase function of 1 - cos of the scattering angle, 1/sr. */\n"
     "float scatteri_phase_of(float omc) {\n"
     "#if defined(SCATTERI_TWO_LOBES)\n"
@@ -1764,11 +1832,30 @@ static const char scatteri_gl_ray[] =
     "    }\n"
     "}\n";
 
+/* All lights at one place of the ray. */
+static const char scatteri_gl_every_light[] =
+    "/* Emission and all lights of the batch at one place of the ray: a node that stands for `size` metres, of even density over `cell`. */\n"
+    "void scatteri_all_lights(float t, float size, float cell, float density, float depth) {\n"
+    "    int first = int(scatteri_batch.y), used = int(scatteri_batch.x);\n"
+    "    for (int l = first - 1; l < used; l++) {\n"
+    "        scatteri_joint = l < first;\n"
+    "        scatteri_first = scatteri_joint ? first : l;\n"
+    "        scatteri_end = scatteri_joint ? first : l + 1;\n"
+    "        if (!scatteri_joint)\n"
+    "            scatteri_map_light(l);\n"
+    "#ifdef SCATTERI_SHADOWS\n"
+    "        if (!scatteri_joint && !scatteri_visible(l, scatteri_o + t * scatteri_d))\n"
+    "            continue;\n"
+    "#endif\n"
+    "        scatteri_node(t, size, cell, density, depth);\n"
+    "    }\n"
+    "}\n";
+
 /* Uniform steps. */
 static const char scatteri_gl_march[] =
     "/* Uniform steps with running sums, as in the papers; returns the depth of the ray. */\n"
     "float scatteri_march() {\n"
-    "    int steps = int(scatteri_nodes.z), first = int(scatteri_batch.y), used = int(scatteri_batch.x);\n"
+    "    int steps = int(scatteri_nodes.z);\n"
     "    float h = (scatteri_t1 - scatteri_t0) / float(steps), run = 0.0;\n"
     "    for (int k = 0; k < steps; k++) {\n"
     "        float t = scatteri_t0 + (float(k) + 0.5) * h, density = 0.0;\n"
@@ -1782,22 +1869,167 @@ static const char scatteri_gl_march[] =
     "#ifdef SCATTERI_FOG\n"
     "        density += scatteri_fog_density(x);\n"
     "#endif\n"
-    "        float depth = run + 0.5 * h * density;\n"
+    "        if (density > 0.0)\n"
+    "            scatteri_all_lights(t, h, 0.0, density, run + 0.5 * h * density);\n"
     "        run += h * density;\n"
-    "        for (int l = first - 1; l < used && density > 0.0; l++) {\n"
-    "            scatteri_joint = l < first;\n"
-    "            scatteri_first = scatteri_joint ? first : l;\n"
-    "            scatteri_end = scatteri_joint ? first : l + 1;\n"
-    "            if (!scatteri_joint)\n"
-    "                scatteri_map_light(l);\n"
-    "#ifdef SCATTERI_SHADOWS\n"
-    "            if (!scatteri_joint && !scatteri_visible(l, x))\n"
-    "                continue;\n"
-    "#endif\n"
-    "            scatteri_node(t, h, 0.0, density, depth);\n"
-    "        }\n"
     "    }\n"
     "    return run;\n"
+    "}\n";
+
+/* A view-aligned volume, several slices at once. */
+static const char scatteri_gl_froxels[] =
+    "layout(location = 0) out vec4 scatteri_running;\n"
+    "layout(location = 1) out vec4 scatteri_slice1;\n"
+    "#if SCATTERI_SLICES > 1\n"
+    "layout(location = 2) out vec4 scatteri_slice2;\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 2\n"
+    "layout(location = 3) out vec4 scatteri_slice3;\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 3\n"
+    "layout(location = 4) out vec4 scatteri_slice4;\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 4\n"
+    "layout(location = 5) out vec4 scatteri_slice5;\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 5\n"
+    "layout(location = 6) out vec4 scatteri_slice6;\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 6\n"
+    "layout(location = 7) out vec4 scatteri_slice7;\n"
+    "#endif\n"
+    "uniform highp sampler2D scatteri_before;\n"
+    "uniform highp ivec4 scatteri_at; /* first slice */\n"
+    "/* Distance of the middle of slice k from the eye. */\n"
+    "float scatteri_slice_at(int k) {\n"
+    "    return k < 0 ? 0.0 : scatteri_froxel_range.x * exp(scatteri_froxels.w * (float(k) + 0.5) / scatteri_froxels.z);\n"
+    "}\n"
+    "/* Depth from the eye of what has a closed form. */\n"
+    "float scatteri_closed_to(float t) {\n"
+    "    float depth = -scatteri_start;\n"
+    "#ifdef SCATTERI_GAUSSIANS\n"
+    "    depth += scatteri_gaussians_at(t).y;\n"
+    "#endif\n"
+    "#ifdef SCATTERI_FOG\n"
+    "    depth += scatteri_fog_depth(scatteri_o + scatteri_t0 * scatteri_d, scatteri_d, t - scatteri_t0);\n"
+    "#endif\n"
+    "    return depth;\n"
+    "}\n"
+    "/* Adds the light between the middles of slices k - 1 and k: one node, exact within it where the source is even.\n"
+    "   running: depth of the field. */\n"
+    "vec4 scatteri_fill_slice(int k) {\n"
+    "    float a = clamp(scatteri_slice_at(k - 1), scatteri_t0, scatteri_t1);\n"
+    "    float b = clamp(scatteri_slice_at(k), scatteri_t0, scatteri_t1);\n"
+    "    float size = b - a, before = scatteri_closed_to(a), closed = scatteri_closed_to(b), voxels = 0.0;\n"
+    "#ifdef SCATTERI_FIELD\n"
+    "    voxels = scatteri_field_density(scatteri_o + 0.5 * (a + b) * scatteri_d);\n"
+    "#endif\n"
+    "    float density = voxels + max(closed - before, 0.0) / max(size, 1.0e-30);\n"
+    "    float depth = scatteri_run + before;\n"
+    "    if (size > 0.0 && density > 0.0)\n"
+    "        scatteri_all_lights(0.5 * (a + b), size, size, density, max(depth, 0.0) + 0.5 * density * size);\n"
+    "    scatteri_run += voxels * size;\n"
+    "#ifdef SCATTERI_MORE\n"
+    "    closed = -scatteri_run; /* is there already */\n"
+    "#endif\n"
+    "    return vec4(scatteri_sum, scatteri_run + closed);\n"
+    "}\n";
+
+static const char scatteri_gl_froxels_main[] =
+    "void main() {\n"
+    "    vec4 before = texelFetch(scatteri_before, ivec2(gl_FragCoord.xy), 0);\n"
+    "    int first = scatteri_at.x;\n"
+    "    scatteri_begin_ray(gl_FragCoord.xy / scatteri_froxels.xy * 2.0 / scatteri_window.zw);\n"
+    "    scatteri_t1 = SCATTERI_FAR;\n"
+    "    scatteri_find_ends();\n"
+    "    scatteri_sum = first > 0 ? before.xyz : vec3(0.0);\n"
+    "    scatteri_run = first > 0 ? before.w : 0.0;\n"
+    "    scatteri_used = 0.0;\n"
+    "    scatteri_slice1 = scatteri_fill_slice(first);\n"
+    "#if SCATTERI_SLICES > 1\n"
+    "    scatteri_slice2 = scatteri_fill_slice(first + 1);\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 2\n"
+    "    scatteri_slice3 = scatteri_fill_slice(first + 2);\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 3\n"
+    "    scatteri_slice4 = scatteri_fill_slice(first + 3);\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 4\n"
+    "    scatteri_slice5 = scatteri_fill_slice(first + 4);\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 5\n"
+    "    scatteri_slice6 = scatteri_fill_slice(first + 5);\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 6\n"
+    "    scatteri_slice7 = scatteri_fill_slice(first + 6);\n"
+    "#endif\n"
+    "    scatteri_running = vec4(scatteri_sum, scatteri_run);\n"
+    "}\n";
+
+/* From reduced resolution to every pixel. */
+static const char scatteri_gl_upsample[] =
+    "uniform highp sampler2D scatteri_before;\n"
+    "out vec4 scatteri_color;\n"
+    "float scatteri_distance(vec2 pixel) {\n"
+    "    vec2 c = pixel * scatteri_window.zw - 1.0;\n"
+    "    return scatteri_surface(pixel, c, length(scatteri_direction_at(c)));\n"
+    "}\n"
+    "/* Of the four neighbours at reduced resolution, those weigh most whose surfaces are as far away as the pixel's. */\n"
+    "void main() {\n"
+    "    float divide = scatteri_picture.y;\n"
+    "    vec2 middle = floor(0.5 * vec2(divide)), size = 2.0 / scatteri_window.zw;\n"
+    "    vec2 pixel = floor(gl_FragCoord.xy - scatteri_window.xy), at = (pixel - middle) / divide;\n"
+    "    vec2 base = floor(at), f = at - base, last = ceil(size / divide) - 1.0;\n"
+    "    float t = scatteri_distance(pixel + 0.5), weights = 0.0;\n"
+    "    vec4 sum = vec4(0.0);\n"
+    "    for (int i = 0; i < 4; i++) {\n"
+    "        vec2 corner = vec2(float(i & 1), float(i >> 1));\n"
+    "        vec2 texel = clamp(base + corner, vec2(0.0), last);\n"
+    "        vec2 there = min(texel * divide + middle + 0.5, size - 0.5);\n"
+    "        float other = scatteri_distance(there), off = abs(other - t) / min(other, t);\n"
+    "        vec2 w = mix(1.0 - f, f, corner);\n"
+    "        float weight = (w.x * w.y + 1.0e-4) / (1.0e-3 + min(off * off, 1.0e6));\n"
+    "        sum += weight * texelFetch(scatteri_before, ivec2(texel), 0);\n"
+    "        weights += weight;\n"
+    "    }\n"
+    "    scatteri_color = sum / weights;\n"
+    "}\n";
+
+/* For the host's shaders. */
+static const char scatteri_gl_surface[] =
+    "uniform highp sampler3D scatteri_froxel_volume;\n"
+    "vec3 scatter_light_transmittance(int light, vec3 world) {\n"
+    "    int per = int(scatteri_surface_batch.x), eye = int(scatteri_surface_batch.y);\n"
+    "    int slot = light / per * 4 + light - light / per * per + eye;\n"
+    "    vec3 x = world - scatteri_surface_ref.xyz, to = -scatteri_direction[slot].xyz;\n"
+    "    float distance = SCATTERI_FAR;\n"
+    "    if (slot > 15)\n"
+    "        return vec3(1.0);\n"
+    "    if (scatteri_light[slot].w < 1.5) {\n"
+    "        vec3 away = scatteri_light[slot].xyz - x;\n"
+    "        distance = length(away);\n"
+    "        to = away / max(distance, 1.0e-30);\n"
+    "    }\n"
+    "#ifdef SCATTERI_BOUNDED\n"
+    "    vec2 t = scatteri_clip_box(scatteri_bounds_min.xyz, scatteri_bounds_max.xyz, x, to, vec2(0.0, distance));\n"
+    "    if (!(t.x < t.y))\n"
+    "        return vec3(1.0);\n"
+    "    x += t.x * to;\n"
+    "    distance = max(distance - t.x, 0.0);\n"
+    "#endif\n"
+    "    return exp(-scatteri_extinction.xyz * scatteri_depth_to(slot, x, to, distance));\n"
+    "}\n"
+    "vec4 scatter_fog(vec4 premultiplied, vec3 world) {\n"
+    "    vec4 x = vec4(world - scatteri_surface_ref.xyz, 1.0);\n"
+    "    float w = dot(scatteri_froxel_w, x);\n"
+    "    vec2 at = 0.5 + 0.5 * vec2(dot(scatteri_froxel_x, x), dot(scatteri_froxel_y, x)) / w;\n"
+    "    float t = scatteri_froxel_eye.w > 0.5 ? length(x.xyz - scatteri_froxel_eye.xyz) : dot(scatteri_froxel_t, x);\n"
+    "    float near = scatteri_surface_range.x, slices = log(max(t, near) / near) / scatteri_surface_range.y;\n"
+    "    vec4 fog = textureLod(scatteri_froxel_volume, vec3(at, slices), 0.0);\n"
+    "    fog *= clamp(t / scatteri_surface_range.z, 0.0, 1.0); /* in front of the first slice's middle */\n"
+    "    return vec4(premultiplied.xyz * exp(-scatteri_extinction.xyz * fog.w) + premultiplied.w * fog.xyz,\n"
+    "                premultiplied.w);\n"
     "}\n";
 
 /* The picture. */
@@ -1876,19 +2108,28 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
                                                            {"whole", scatteri_gl_whole},
                                                            {"gaussians", scatteri_gl_gaussians},
                                                            {"density", scatteri_gl_density},
+                                                           {"one_volume", scatteri_gl_one_volume},
+                                                           {"four_volumes", scatteri_gl_four_volumes},
                                                            {"volume", scatteri_gl_volume},
                                                            {"camera", scatteri_gl_camera},
                                                            {"eye", scatteri_gl_eye},
                                                            {"ends", scatteri_gl_ends},
                                                            {"shadow_maps", scatteri_gl_shadow_maps},
                                                            {"visible", scatteri_gl_visible},
+                                                           {"depth_to", scatteri_gl_depth_to},
                                                            {"scattering", scatteri_gl_scattering},
                                                            {"nodes", scatteri_gl_nodes},
                                                            {"panels", scatteri_gl_panels},
                                                            {"pieces", scatteri_gl_pieces},
                                                            {"cuts", scatteri_gl_cuts},
                                                            {"ray", scatteri_gl_ray},
+                                                           {"every_light", scatteri_gl_every_light},
                                                            {"march", scatteri_gl_march},
+                                                           {"froxels", scatteri_gl_froxels},
+                                                           {"froxels_main", scatteri_gl_froxels_main},
+                                                           {"upsample", scatteri_gl_upsample},
+                                                           {"surface", scatteri_gl_surface},
+                                                           {"surface_blocks", scatteri_gl_surface_blocks},
                                                            {"view", scatteri_gl_view}};
 
 /* --------------------------------------------------------------------------------------- >>program */
@@ -1937,11 +2178,21 @@ typedef struct scatteri_gl_pass {
 
 enum {
     SCATTERI_GL_PASS_VIEW,
+    SCATTERI_GL_PASS_FROXELS,
+    SCATTERI_GL_PASS_UPSAMPLE,
     SCATTERI_GL_PASSES
 };
 
+#define SCATTERI_GL_MATHS "prelude vector erf span quick integrals phase maps tone "
+#define SCATTERI_GL_RAYS \
+    SCATTERI_GL_MATHS "blocks gaussians density one_volume volume camera eye ends shadow_maps " \
+                      "visible depth_to scattering nodes every_light "
+
 static const scatteri_gl_pass scatteri_gl_passes[] = {
-    {"view", "prelude whole", "prelude vector erf span quick integrals phase maps tone blocks gaussians density volume camera eye ends shadow_maps visible scattering nodes panels pieces cuts ray march view", ~0u},
+    {"view", "prelude whole", SCATTERI_GL_RAYS "panels pieces cuts ray march view", ~0u},
+    {"froxels", "prelude whole", SCATTERI_GL_RAYS "froxels froxels_main",
+     ~(unsigned)(SCATTERI_GL_HAS_SHOW | SCATTERI_GL_HAS_TRANSMITTANCE | SCATTERI_GL_HAS_MARCH)},
+    {"upsample", "prelude whole", "prelude vector blocks density camera upsample", 0u},
 };
 
 static const struct {
@@ -1990,7 +2241,7 @@ static int scatteri_gl_needs(const char *chapter, unsigned features)
     return 1;
 }
 
-/* Text of a shader: version, macros, and of its chapters those that the features call for. */
+/* Text of a shader: version (if any), macros, and of its chapters those that the features call for. */
 static void scatteri_gl_assemble(const char *version, scatteri_gl_key key, const char *chapters,
                                  scatteri_gl_source *source)
 {
@@ -1998,8 +2249,9 @@ static void scatteri_gl_assemble(const char *version, scatteri_gl_key key, const
     char word[32];
     int i;
     source->head[0] = 0;
-    scatteri_gl_say(source->head, sizeof source->head, "#version %s\n#define SCATTERI_SLICES %d\n",
-                    version, key.slices);
+    if (version != NULL)
+        scatteri_gl_say(source->head, sizeof source->head, "#version %s\n#define SCATTERI_SLICES %d\n",
+                        version, key.slices);
     for (i = 0; i < (int)SCATTERI_GL_FEATURE_COUNT; i++)
         if (key.features >> i & 1u)
             scatteri_gl_say(source->head, sizeof source->head, "#define SCATTERI_%s\n",
@@ -2067,28 +2319,41 @@ static const char *scatteri_gl_version_text(const scatter_gl *f)
     return f->version >= 450 ? "450 core" : f->version >= 410 ? "410 core" : "330 core";
 }
 
-/* Samplers and blocks of a linked program get their units and bindings. */
-static void scatteri_gl_set_units(scatter_gl *f, unsigned program, int first_unit, int first_block)
+/* Samplers of a linked program get their units; it becomes current. */
+static void scatteri_gl_set_units(scatter_gl *f, unsigned program, const char *const *names, int count,
+                                  int first)
 {
-    static const char *const units[] = {
+    int i;
+    f->gl.UseProgram(program);
+    for (i = 0; i < count; i++) {
+        const int location = f->gl.GetUniformLocation(program, names[i]);
+        if (location >= 0)
+            f->gl.Uniform1i(location, first + i);
+    }
+}
+
+/* Uniform blocks of a linked program get their bindings. */
+static void scatteri_gl_set_blocks(scatter_gl *f, unsigned program, const char *const *names,
+                                   int count, int first)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        const unsigned index = f->gl.GetUniformBlockIndex(program, names[i]);
+        if (index != SCATTERI_GL_INVALID_INDEX)
+            f->gl.UniformBlockBinding(program, index, (unsigned)(first + i));
+    }
+}
+
+static void scatteri_gl_set_inputs(scatter_gl *f, unsigned program)
+{
+    static const char *const units[SCATTERI_GL_UNITS] = {
         "scatteri_gaussians", "scatteri_rules",   "scatteri_field",   "scatteri_volume",
         "scatteri_scene",     "scatteri_shadow0", "scatteri_shadow1", "scatteri_shadow2",
         "scatteri_shadow3",   "scatteri_before",  "scatteri_before_too"};
     static const char *const blocks[] = {"scatteri_medium_block", "scatteri_lights_block",
                                          "scatteri_view_block"};
-    const scatteri_gl_functions *gl = &f->gl;
-    int i;
-    gl->UseProgram(program);
-    for (i = 0; i < (int)(sizeof units / sizeof *units); i++) {
-        const int location = gl->GetUniformLocation(program, units[i]);
-        if (location >= 0)
-            gl->Uniform1i(location, first_unit + i);
-    }
-    for (i = 0; i < (int)(sizeof blocks / sizeof *blocks); i++) {
-        const unsigned index = gl->GetUniformBlockIndex(program, blocks[i]);
-        if (index != SCATTERI_GL_INVALID_INDEX)
-            gl->UniformBlockBinding(program, index, (unsigned)(first_block + i));
-    }
+    scatteri_gl_set_units(f, program, units, SCATTERI_GL_UNITS, 0);
+    scatteri_gl_set_blocks(f, program, blocks, 3, 0);
 }
 
 static unsigned scatteri_gl_link(scatter_gl *f, scatteri_gl_key key)
@@ -2164,7 +2429,7 @@ static scatter_result scatteri_gl_find_program(scatter_gl *f, scatteri_gl_key ke
     p->name = scatteri_gl_link(f, key);
     if (p->name == 0)
         return SCATTER_UNSUPPORTED;
-    scatteri_gl_set_units(f, p->name, 0, 0);
+    scatteri_gl_set_inputs(f, p->name);
     p->at = f->gl.GetUniformLocation(p->name, "scatteri_at");
     f->program_count++;
     f->stats.programs++;
@@ -2174,7 +2439,7 @@ static scatter_result scatteri_gl_find_program(scatter_gl *f, scatteri_gl_key ke
 
 /* ----------------------------------------------------------------------------------------- >>state
    Everything that the passes touch, saved before and restored after each call. Where versions know state per draw
-   buffer or viewport, only index 0 is touched, besides blending and colour masks, which are switched for all. */
+   buffer, all of them are saved; of viewports only the first is touched. */
 
 enum { SCATTERI_GL_MOST_BUFFERS = 8, SCATTERI_GL_TARGETS = 4 };
 
@@ -2228,7 +2493,7 @@ typedef struct scatteri_gl_state {
     int viewport[4];
     float viewport_exact[4];
     int polygon_mode[2];
-    int blend_functions[4], blend_equations[2];
+    int blend_functions[SCATTERI_GL_MOST_BUFFERS][4], blend_equations[SCATTERI_GL_MOST_BUFFERS][2];
     int unpack[SCATTERI_GL_UNPACKS];
     scatteri_gl_byte blend[SCATTERI_GL_MOST_BUFFERS], scissor, on[SCATTERI_GL_SWITCHES];
     scatteri_gl_byte mask[SCATTERI_GL_MOST_BUFFERS][4];
@@ -2255,6 +2520,43 @@ static int scatteri_gl_indexed(const scatter_gl *f)
     return f->gl.ColorMaski != NULL && f->gl.Enablei != NULL ? f->draw_buffers : 1;
 }
 
+/* Functions and equations; apart for each draw buffer since OpenGL 4.0. */
+static void scatteri_gl_save_blending(const scatter_gl *f, scatteri_gl_state *s)
+{
+    static const unsigned names[] = {SCATTERI_GL_BLEND_SRC_RGB, SCATTERI_GL_BLEND_DST_RGB,
+                                     SCATTERI_GL_BLEND_SRC_ALPHA, SCATTERI_GL_BLEND_DST_ALPHA,
+                                     SCATTERI_GL_BLEND_EQUATION_RGB,
+                                     SCATTERI_GL_BLEND_EQUATION_ALPHA};
+    const int apart = f->gl.BlendFuncSeparatei != NULL;
+    int i, k;
+    for (i = 0; i < (apart ? f->draw_buffers : 1); i++)
+        for (k = 0; k < 6; k++) {
+            int *to = k < 4 ? &s->blend_functions[i][k] : &s->blend_equations[i][k - 4];
+            if (apart)
+                f->gl.GetIntegeri_v(names[k], (unsigned)i, to);
+            else
+                f->gl.GetIntegerv(names[k], to);
+        }
+}
+
+static void scatteri_gl_restore_blending(const scatter_gl *f, const scatteri_gl_state *s)
+{
+    const int apart = f->gl.BlendFuncSeparatei != NULL;
+    int i;
+    for (i = 0; i < (apart ? f->draw_buffers : 1); i++) {
+        const unsigned sc = (unsigned)s->blend_functions[i][0], tc = (unsigned)s->blend_functions[i][1];
+        const unsigned sa = (unsigned)s->blend_functions[i][2], ta = (unsigned)s->blend_functions[i][3];
+        const unsigned c = (unsigned)s->blend_equations[i][0], a = (unsigned)s->blend_equations[i][1];
+        if (apart) {
+            f->gl.BlendFuncSeparatei((unsigned)i, sc, tc, sa, ta);
+            f->gl.BlendEquationSeparatei((unsigned)i, c, a);
+        } else {
+            f->gl.BlendFuncSeparate(sc, tc, sa, ta);
+            f->gl.BlendEquationSeparate(c, a);
+        }
+    }
+}
+
 static void scatteri_gl_save_output(const scatter_gl *f, scatteri_gl_state *s)
 {
     const scatteri_gl_functions *gl = &f->gl;
@@ -2269,12 +2571,7 @@ static void scatteri_gl_save_output(const scatter_gl *f, scatteri_gl_state *s)
             gl->GetBooleanv(SCATTERI_GL_COLOR_WRITEMASK, s->mask[i]);
         }
     }
-    s->blend_functions[0] = scatteri_gl_get(f, SCATTERI_GL_BLEND_SRC_RGB);
-    s->blend_functions[1] = scatteri_gl_get(f, SCATTERI_GL_BLEND_DST_RGB);
-    s->blend_functions[2] = scatteri_gl_get(f, SCATTERI_GL_BLEND_SRC_ALPHA);
-    s->blend_functions[3] = scatteri_gl_get(f, SCATTERI_GL_BLEND_DST_ALPHA);
-    s->blend_equations[0] = scatteri_gl_get(f, SCATTERI_GL_BLEND_EQUATION_RGB);
-    s->blend_equations[1] = scatteri_gl_get(f, SCATTERI_GL_BLEND_EQUATION_ALPHA);
+    scatteri_gl_save_blending(f, s);
     gl->GetIntegerv(SCATTERI_GL_VIEWPORT, s->viewport);
     if (gl->ViewportIndexedf != NULL)
         gl->GetFloati_v(SCATTERI_GL_VIEWPORT, 0, s->viewport_exact);
@@ -2309,19 +2606,6 @@ static void scatteri_gl_save_input(const scatter_gl *f, scatteri_gl_state *s)
             s->unpack[i] = scatteri_gl_get(f, scatteri_gl_unpack[i].name);
 }
 
-static void scatteri_gl_blend_as(const scatter_gl *f, const int *functions, const int *equations)
-{
-    const unsigned sc = (unsigned)functions[0], dc = (unsigned)functions[1],
-                   sa = (unsigned)functions[2], da = (unsigned)functions[3];
-    if (f->gl.BlendFuncSeparatei != NULL) {
-        f->gl.BlendFuncSeparatei(0, sc, dc, sa, da);
-        f->gl.BlendEquationSeparatei(0, (unsigned)equations[0], (unsigned)equations[1]);
-    } else {
-        f->gl.BlendFuncSeparate(sc, dc, sa, da);
-        f->gl.BlendEquationSeparate((unsigned)equations[0], (unsigned)equations[1]);
-    }
-}
-
 static void scatteri_gl_switch_scissor(const scatter_gl *f, int on)
 {
     if (f->gl.ScissorIndexed == NULL)
@@ -2347,7 +2631,7 @@ static void scatteri_gl_restore_output(const scatter_gl *f, const scatteri_gl_st
             scatteri_gl_switch(f, SCATTERI_GL_BLEND, s->blend[i]);
         }
     }
-    scatteri_gl_blend_as(f, s->blend_functions, s->blend_equations);
+    scatteri_gl_restore_blending(f, s);
     if (gl->ViewportIndexedf != NULL)
         gl->ViewportIndexedf(0, s->viewport_exact[0], s->viewport_exact[1], s->viewport_exact[2],
                              s->viewport_exact[3]);
@@ -2633,17 +2917,14 @@ static void scatteri_gl_fill(scatter_gl *f, const scatteri_gl_program *program, 
     f->gl.DrawArrays(SCATTERI_GL_TRIANGLES, 0, 3);
 }
 
+/* Of all draw buffers. */
 static void scatteri_gl_blend(const scatter_gl *f, int source, int target, int alpha_source,
                               int alpha_target)
 {
-    int functions[4], equations[2];
-    functions[0] = source;
-    functions[1] = target;
-    functions[2] = alpha_source;
-    functions[3] = alpha_target;
-    equations[0] = equations[1] = SCATTERI_GL_FUNC_ADD;
     f->gl.Enable(SCATTERI_GL_BLEND);
-    scatteri_gl_blend_as(f, functions, equations);
+    f->gl.BlendFuncSeparate((unsigned)source, (unsigned)target, (unsigned)alpha_source,
+                            (unsigned)alpha_target);
+    f->gl.BlendEquationSeparate(SCATTERI_GL_FUNC_ADD, SCATTERI_GL_FUNC_ADD);
 }
 
 static void scatteri_gl_begin_timer(scatter_gl *f, int which)
@@ -3380,26 +3661,439 @@ static scatter_result scatteri_gl_draw_whole(scatter_gl *f, const scatter_gl_vie
     return result;
 }
 
-SCATTER_API scatter_result scatter_gl_draw(scatter_gl *f, const scatter_gl_view *v)
+/* --- at reduced resolution --- */
+
+static int scatteri_gl_reduced_size(int size, int divide)
 {
-    scatteri_gl_state state;
+    return (size + divide - 1) / divide;
+}
+
+/* Room for L and, where it has color, T. It only grows, so that several views can share it. */
+static scatter_result scatteri_gl_reserve_reduced(scatter_gl *f, int width, int height, int colored)
+{
+    scatter_result result = SCATTER_OK;
+    int i;
+    for (i = 0; i <= colored && result == SCATTER_OK; i++) {
+        scatteri_gl_texture *t = &f->reduced[i];
+        if (t->width < width || t->height < height)
+            result = scatteri_gl_size_texture(f, t, SCATTERI_GL_RGBA16F,
+                                              width > t->width ? width : t->width,
+                                              height > t->height ? height : t->height, 1);
+    }
+    return result;
+}
+
+static scatter_result scatteri_gl_target_reduced(scatter_gl *f, int which, int width, int height)
+{
+    scatteri_gl_layer layer;
+    scatter_result result;
+    layer.texture = &f->reduced[which];
+    layer.layer = 0;
+    result = scatteri_gl_target(f, &layer, 1);
+    scatteri_gl_set_viewport(f, 0, 0, width, height);
+    return result;
+}
+
+/* T or L of the reduced picture over the host's. */
+static scatter_result scatteri_gl_enlarge(scatter_gl *f, int which, int source, int target,
+                                           int alpha_source, int alpha_target)
+{
+    const scatteri_gl_program *program;
+    const scatter_result result =
+        scatteri_gl_use(f, SCATTERI_GL_PASS_UPSAMPLE, 0, 1, &program);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->reduced[which]);
+    scatteri_gl_blend(f, source, target, alpha_source, alpha_target);
+    scatteri_gl_fill(f, program, 0, 0, 0, 0);
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_gl_compose_reduced(scatter_gl *f, const scatter_gl_view *v,
+                                                  int colored)
+{
+    const int over = colored ? SCATTERI_GL_ONE : SCATTERI_GL_ONE_MINUS_SRC_ALPHA;
+    scatter_result result = SCATTER_OK;
+    scatteri_gl_target_host(f, v);
+    scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_UPSAMPLE);
+    if (colored)
+        result = scatteri_gl_enlarge(f, 1, SCATTERI_GL_ZERO, SCATTERI_GL_SRC_COLOR,
+                                      SCATTERI_GL_ZERO, SCATTERI_GL_SRC_ALPHA);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_enlarge(f, 0, SCATTERI_GL_ONE, over, SCATTERI_GL_ONE, over);
+    scatteri_gl_end_timer(f, SCATTERI_GL_TIME_UPSAMPLE);
+    return result;
+}
+
+static scatter_result scatteri_gl_draw_reduced(scatter_gl *f, const scatter_gl_view *v,
+                                               unsigned features)
+{
+    const int width = scatteri_gl_reduced_size(v->width, v->divide);
+    const int height = scatteri_gl_reduced_size(v->height, v->divide);
+    const int colored = (features & SCATTERI_GL_HAS_COLORED) != 0;
+    scatter_result result = scatteri_gl_reserve_reduced(f, width, height, colored);
+    scatteri_gl_send_view(f, v, v->divide);
+    if (result == SCATTER_OK && colored) {
+        result = scatteri_gl_target_reduced(f, 1, width, height);
+        if (result == SCATTER_OK)
+            result = scatteri_gl_draw_transmittance(f, features, 0);
+    }
+    if (result == SCATTER_OK)
+        result = scatteri_gl_target_reduced(f, 0, width, height);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_draw_radiance(f, features, 0, SCATTERI_GL_ZERO);
+    return result == SCATTER_OK ? scatteri_gl_compose_reduced(f, v, colored) : result;
+}
+
+static int scatteri_gl_is_reduced(const scatter_gl_view *v)
+{
+    return v->divide > 1 && v->show == SCATTER_GL_SHOW_FOG;
+}
+
+static void scatteri_gl_bind_scene(const scatter_gl *f, const scatter_gl_view *v)
+{
+    scatteri_gl_bind_medium(f);
+    if (v->depth_texture != 0)
+        scatteri_gl_bind(f, SCATTERI_GL_UNIT_SCENE, SCATTERI_GL_TEXTURE_2D, v->depth_texture,
+                         f->nearest);
+}
+
+/* What draw and fill_froxels ask of their view; *empty: there is nothing to do. */
+static scatter_result scatteri_gl_begin_view(scatter_gl *f, const scatter_gl_view *v, int *empty)
+{
     scatter_result result;
     if (f == NULL || f->lost)
         return SCATTER_BAD_ARGUMENT;
     if (!f->ready)
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
-                             "scatter_gl_draw needs a successful scatter_gl_update first");
+                             "a successful scatter_gl_update is needed first");
     result = scatteri_gl_check_view(f, v);
-    if (result != SCATTER_OK || v->width == 0 || v->height == 0)
+    *empty = result == SCATTER_OK && (v->width == 0 || v->height == 0);
+    if (result == SCATTER_OK && v->divide > 1 && !f->can_draw_half)
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "this GL context cannot draw into float textures (no "
+                             "EXT_color_buffer_float): view.divide must be 1");
+    return result;
+}
+
+SCATTER_API scatter_result scatter_gl_draw(scatter_gl *f, const scatter_gl_view *v)
+{
+    scatteri_gl_state state;
+    int empty = 0;
+    scatter_result result = scatteri_gl_begin_view(f, v, &empty);
+    if (result != SCATTER_OK || empty)
         return result;
     scatteri_gl_save(f, &state);
     scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_VIEW);
-    scatteri_gl_bind_medium(f);
-    if (v->depth_texture != 0)
-        scatteri_gl_bind(f, SCATTERI_GL_UNIT_SCENE, SCATTERI_GL_TEXTURE_2D, v->depth_texture,
-                         f->nearest);
-    result = scatteri_gl_draw_whole(f, v, scatteri_gl_medium_features(f));
+    scatteri_gl_bind_scene(f, v);
+    result = scatteri_gl_is_reduced(v)
+                 ? scatteri_gl_draw_reduced(f, v, scatteri_gl_medium_features(f))
+                 : scatteri_gl_draw_whole(f, v, scatteri_gl_medium_features(f));
     scatteri_gl_end_timer(f, SCATTERI_GL_TIME_VIEW);
+    scatteri_gl_restore(f, &state);
+    return result;
+}
+
+SCATTER_API scatter_result scatter_gl_resize(scatter_gl *f, int width, int height)
+{
+    scatteri_gl_state state;
+    scatter_result result;
+    if (f == NULL || f->lost)
+        return SCATTER_BAD_ARGUMENT;
+    if (width < 0 || height < 0)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "width, height are %d, %d, they must be at least 0", width, height);
+    if (!f->can_draw_half || width == 0 || height == 0)
+        return SCATTER_OK;
+    scatteri_gl_save(f, &state);
+    result = scatteri_gl_reserve_reduced(f, scatteri_gl_reduced_size(width, 2),
+                                         scatteri_gl_reduced_size(height, 2), 1);
+    scatteri_gl_restore(f, &state);
+    return result;
+}
+
+/* ---------------------------------------------------------------------------------------- >>froxels */
+
+/* Running sums, then `count` slices from `first` on: textures of the next draw. */
+static scatter_result scatteri_gl_target_froxels(scatter_gl *f, int running, int first, int count)
+{
+    scatteri_gl_layer layers[SCATTERI_GL_MOST_BUFFERS];
+    int i;
+    layers[0].texture = &f->froxel_running[running];
+    layers[0].layer = 0;
+    for (i = 0; i < count; i++) {
+        layers[i + 1].texture = &f->froxels;
+        layers[i + 1].layer = first + i;
+    }
+    return scatteri_gl_target(f, layers, count + 1);
+}
+
+/* Of the attachments, only the running sums or only the slices are written. */
+static void scatteri_gl_write_only(scatter_gl *f, int running, int count)
+{
+    unsigned buffers[SCATTERI_GL_MOST_BUFFERS];
+    int i;
+    for (i = 0; i <= count; i++)
+        buffers[i] = (i == 0) == running ? SCATTERI_GL_COLOR_0 + (unsigned)i : 0u;
+    f->gl.DrawBuffers(count + 1, buffers);
+}
+
+/* Slices from `first` on. The lights of a further batch are added, their running sums are not. */
+static scatter_result scatteri_gl_fill_slices(scatter_gl *f, const scatteri_gl_program *program,
+                                              int turn, int first, int count, int more)
+{
+    const scatter_result result = scatteri_gl_target_froxels(f, turn & 1, first, count);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->froxel_running[(turn + 1) & 1]);
+    f->gl.Disable(SCATTERI_GL_BLEND);
+    if (more) {
+        scatteri_gl_write_only(f, 1, count);
+        scatteri_gl_fill(f, program, first, 0, 0, 0);
+        scatteri_gl_write_only(f, 0, count);
+        scatteri_gl_blend(f, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE);
+    }
+    scatteri_gl_fill(f, program, first, 0, 0, 0);
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_gl_fill_batch(scatter_gl *f, int batch)
+{
+    const unsigned features = scatteri_gl_medium_features(f) | scatteri_gl_batch_features(f, batch) |
+                              (batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u);
+    const int at_once = f->draw_buffers - 1;
+    const scatteri_gl_program *program;
+    scatter_result result = SCATTER_OK;
+    int first, turn = 0;
+    scatteri_gl_bind_batch(f, batch);
+    for (first = 0; first < f->froxels.depth && result == SCATTER_OK; first += at_once, turn++) {
+        const int left = f->froxels.depth - first, count = left < at_once ? left : at_once;
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_FROXELS, features, count, &program);
+        if (result == SCATTER_OK)
+            result = scatteri_gl_fill_slices(f, program, turn, first, count, batch > 0);
+    }
+    return result;
+}
+
+static scatter_gl_froxels scatteri_gl_resolve_froxels(const scatter_gl_froxels *froxels)
+{
+    scatter_gl_froxels r = *froxels;
+    r.nx = r.nx != 0 ? r.nx : 160;
+    r.ny = r.ny != 0 ? r.ny : 90;
+    r.nz = r.nz != 0 ? r.nz : 64;
+    return r;
+}
+
+static scatter_result scatteri_gl_check_froxels(scatter_gl *f, const scatter_gl_froxels *r)
+{
+    if (r->nx < 0 || r->ny < 0 || r->nz < 0 || r->nz == 1)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "froxels.nx, ny, nz are %d, %d, %d, they must be 0 or at least 1, 1, 2",
+                             r->nx, r->ny, r->nz);
+    if (!(r->near > 0.0f && r->far > r->near && r->far <= 1e18f))
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "froxels.near, far are %g, %g, they must be 0 < near < far",
+                             (double)r->near, (double)r->far);
+    if (!f->can_draw_float)
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "this GL context cannot draw into float textures (no "
+                             "EXT_color_buffer_float): there are no froxels");
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_gl_size_froxels(scatter_gl *f, const scatter_gl_froxels *r)
+{
+    scatter_result result = scatteri_gl_size_texture(f, &f->froxels, scatteri_gl_volume_format(f),
+                                                     r->nx, r->ny, r->nz);
+    int i;
+    for (i = 0; i < 2 && result == SCATTER_OK; i++)
+        result = scatteri_gl_size_texture(f, &f->froxel_running[i], SCATTERI_GL_RGBA32F, r->nx,
+                                          r->ny, 1);
+    return result;
+}
+
+/* The camera of the froxels, for scatter_fog: world, relative to ref, to clip x, y, w. */
+static void scatteri_gl_remember_froxels(scatter_gl *f, const scatter_gl_view *v)
+{
+    const scatteri_gl_view_block *b = &f->view_block;
+    scatteri_gl_surface_block *s = &f->surface_block;
+    const scatter_vec3 d = scatteri_v3(b->forward[0], b->forward[1], b->forward[2]);
+    const scatter_vec3 n = scatteri_scale(d, 1.0f / scatteri_length(d));
+    const int perspective = !(b->range[0] != 0.0f);
+    float *rows[3];
+    int row, column, k;
+    rows[0] = s->froxel_x;
+    rows[1] = s->froxel_y;
+    rows[2] = s->froxel_w;
+    for (row = 0; row < 3; row++) {
+        double m[4];
+        for (column = 0; column < 4; column++) {
+            m[column] = 0.0;
+            for (k = 0; k < 4; k++)
+                m[column] += (double)v->projection[4 * k + (row == 2 ? 3 : row)] *
+                             (double)v->view[4 * column + k];
+        }
+        m[3] += m[0] * (double)f->ref.x + m[1] * (double)f->ref.y + m[2] * (double)f->ref.z;
+        scatteri_gl_put(rows[row], (float)m[0], (float)m[1], (float)m[2], (float)m[3]);
+    }
+    scatteri_gl_put(s->froxel_eye, b->eye[0], b->eye[1], b->eye[2], (float)perspective);
+    scatteri_gl_put3(s->froxel_t, n, -(n.x * b->eye[0] + n.y * b->eye[1] + n.z * b->eye[2]));
+    scatteri_gl_put(s->surface_range, b->froxel_range[0], b->froxels[3],
+                    b->froxel_range[0] * scatteri_exp(0.5f * b->froxels[3] / b->froxels[2]), 0.0f);
+}
+
+SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *f, const scatter_gl_view *v,
+                                                   const scatter_gl_froxels *froxels)
+{
+    scatteri_gl_state state;
+    scatter_gl_froxels r;
+    int batch, empty = 0;
+    scatter_result result = scatteri_gl_begin_view(f, v, &empty);
+    if (result != SCATTER_OK || empty)
+        return result;
+    if (froxels == NULL)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT, "froxels is NULL");
+    r = scatteri_gl_resolve_froxels(froxels);
+    result = scatteri_gl_check_froxels(f, &r);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_save(f, &state);
+    scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_FROXELS);
+    scatteri_gl_put(f->view_block.froxels, (float)r.nx, (float)r.ny, (float)r.nz,
+                    scatteri_log(r.far / r.near));
+    scatteri_gl_put(f->view_block.froxel_range, r.near, r.far, 0.0f, 0.0f);
+    scatteri_gl_send_view(f, v, 1);
+    result = scatteri_gl_size_froxels(f, &r);
+    scatteri_gl_bind_medium(f);
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++)
+        result = scatteri_gl_fill_batch(f, batch);
+    scatteri_gl_remember_froxels(f, v);
+    scatteri_gl_end_timer(f, SCATTERI_GL_TIME_FROXELS);
+    scatteri_gl_restore(f, &state);
+    return result;
+}
+
+/* --------------------------------------------------------------------------------------- >>surfaces */
+
+static int scatteri_gl_most_batches(const scatter_gl *f)
+{
+    return (f->desc.max_lights + SCATTERI_GL_BATCH - 2) / (SCATTERI_GL_BATCH - 1) + 1;
+}
+
+enum { SCATTERI_GL_SLOTS = 16 }; /* lights of surfaces: four batches */
+
+static const char scatteri_gl_surface_chapters[] =
+    SCATTERI_GL_MATHS "surface_blocks gaussians density four_volumes volume depth_to surface";
+
+SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
+{
+    scatteri_gl_source source;
+    scatteri_gl_key key;
+    size_t bytes = 1;
+    char *text;
+    int i;
+    if (f == NULL || !f->ready)
+        return NULL;
+    key.pass = 0;
+    key.slices = 0;
+    key.features = scatteri_gl_medium_features(f) &
+                   (unsigned)(SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FOG | SCATTERI_GL_HAS_BOUNDED |
+                              SCATTERI_GL_HAS_CELLS | SCATTERI_GL_HAS_POLAR);
+    if (f->surface_text != NULL && f->surface_features == key.features)
+        return f->surface_text;
+    scatteri_gl_assemble(NULL, key, scatteri_gl_surface_chapters, &source);
+    for (i = 0; i < source.count; i++)
+        bytes += strlen(source.parts[i]);
+    text = (char *)scatteri_allocate(&f->host, bytes);
+    if (text == NULL)
+        return NULL;
+    text[0] = 0;
+    for (i = 0; i < source.count; i++)
+        strcat(text, source.parts[i]);
+    scatteri_release(&f->host, f->surface_text);
+    f->surface_text = text;
+    f->surface_features = key.features;
+    return text;
+}
+
+/* Lights of the first four batches, each in the slot of its batch and channel. */
+static void scatteri_gl_send_surface(scatter_gl *f)
+{
+    scatteri_gl_surface_block *s = &f->surface_block;
+    const scatteri_gl_lights_block *l = &f->lights_block;
+    int slot;
+    scatteri_gl_put(s->surface_batch, (float)scatteri_gl_lights_per_batch(f), (float)f->has_eye, 0.0f,
+                    0.0f);
+    scatteri_gl_put3(s->surface_ref, f->ref, 0.0f);
+    for (slot = 0; slot < (int)SCATTERI_GL_SLOTS; slot++) {
+        const int c = slot % SCATTERI_GL_BATCH;
+        const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, slot / SCATTERI_GL_BATCH, c);
+        if (lamp == NULL)
+            continue;
+        scatteri_gl_put_lamp(f, c, lamp);
+        memcpy(s->light[slot], l->light[c], sizeof l->light[c]);
+        memcpy(s->direction[slot], l->direction[c], sizeof l->direction[c]);
+        memcpy(s->axis_u[slot], l->axis_u[c], sizeof l->axis_u[c]);
+        memcpy(s->axis_v[slot], l->axis_v[c], sizeof l->axis_v[c]);
+        memcpy(s->axis_w[slot], l->axis_w[c], sizeof l->axis_w[c]);
+        memcpy(s->polar[slot], l->polar[c], sizeof l->polar[c]);
+        memcpy(s->polar_size[slot], l->polar_size[c], sizeof l->polar_size[c]);
+    }
+    scatteri_gl_send(f, f->surface_buffer, s, sizeof *s);
+}
+
+SCATTER_API scatter_result scatter_gl_bind_surface(scatter_gl *f, unsigned program, int first_unit,
+                                                   int first_block)
+{
+    static const char *const units[] = {"scatteri_gaussians", "scatteri_volume0", "scatteri_volume1",
+                                        "scatteri_volume2",   "scatteri_volume3", "scatteri_froxel_volume"};
+    static const char *const blocks[] = {"scatteri_medium_block", "scatteri_surface_block"};
+    int i;
+    if (f == NULL || f->lost)
+        return SCATTER_BAD_ARGUMENT;
+    if (!f->ready || first_unit < 0 || first_block < 0)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "scatter_gl_bind_surface needs a successful scatter_gl_update, and "
+                             "first_unit and first_block of at least 0");
+    scatteri_gl_send_surface(f);
+    scatteri_gl_set_units(f, program, units, 6, first_unit);
+    scatteri_gl_set_blocks(f, program, blocks, 2, first_block);
+    scatteri_gl_read_texels(f, first_unit, &f->gaussians);
+    for (i = 0; i < 4 && i < scatteri_gl_most_batches(f); i++)
+        scatteri_gl_read_smooth(f, first_unit + 1 + i, &f->volumes[i]);
+    scatteri_gl_read_smooth(f, first_unit + 5, &f->froxels);
+    f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, (unsigned)first_block, f->medium_buffer);
+    f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, (unsigned)first_block + 1, f->surface_buffer);
+    return SCATTER_OK;
+}
+
+/* Everything that update and draw compile, by doing it. */
+SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quality *quality,
+                                              const scatter_gl_view *view)
+{
+    scatteri_gl_state state;
+    scatter_result result = scatter_gl_update(f, quality, NULL);
+    unsigned features, more;
+    const scatteri_gl_program *program;
+    int batch;
+    if (result != SCATTER_OK || view == NULL)
+        return result;
+    features = scatteri_gl_medium_features(f);
+    scatteri_gl_save(f, &state);
+    if (view->show != SCATTER_GL_SHOW_FOG)
+        features |= SCATTERI_GL_HAS_SHOW;
+    else if ((features & SCATTERI_GL_HAS_COLORED) != 0)
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW, features | SCATTERI_GL_HAS_TRANSMITTANCE, 1, &program);
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
+        more = batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u;
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
+                                 features | more | scatteri_gl_batch_features(f, batch), 1, &program);
+    }
+    if (result == SCATTER_OK && view->divide > 1)
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_UPSAMPLE, 0, 1, &program);
+    if (result == SCATTER_OK && view->divide > 1)
+        result = scatteri_gl_reserve_reduced(f, scatteri_gl_reduced_size(view->width, view->divide),
+                                             scatteri_gl_reduced_size(view->height, view->divide), 1);
     scatteri_gl_restore(f, &state);
     return result;
 }
@@ -3485,6 +4179,9 @@ static scatter_result scatteri_gl_look(scatter_gl *f)
                                          SCATTERI_GL_MOST_BUFFERS);
     f->can_draw_float = !f->es || scatteri_gl_has_extension(f, "GL_EXT_color_buffer_float") ||
                         scatteri_gl_has_extension(f, "EXT_color_buffer_float");
+    f->can_draw_half = f->can_draw_float ||
+                       scatteri_gl_has_extension(f, "GL_EXT_color_buffer_half_float") ||
+                       scatteri_gl_has_extension(f, "EXT_color_buffer_half_float");
     f->can_filter_float = !f->es || scatteri_gl_has_extension(f, "GL_OES_texture_float_linear") ||
                           scatteri_gl_has_extension(f, "OES_texture_float_linear");
     f->can_blend_float = !f->es || scatteri_gl_has_extension(f, "GL_EXT_float_blend") ||
@@ -3515,11 +4212,6 @@ static unsigned scatteri_gl_make_buffer(scatter_gl *f, size_t bytes)
     return buffer;
 }
 
-static int scatteri_gl_most_batches(const scatter_gl *f)
-{
-    return (f->desc.max_lights + SCATTERI_GL_BATCH - 2) / (SCATTERI_GL_BATCH - 1) + 1;
-}
-
 static scatter_result scatteri_gl_make_objects(scatter_gl *f)
 {
     const int rows = (2 * f->desc.max_gaussians + SCATTERI_GL_ROW - 1) / SCATTERI_GL_ROW;
@@ -3531,6 +4223,7 @@ static scatter_result scatteri_gl_make_objects(scatter_gl *f)
     f->linear = scatteri_gl_make_sampler(f, SCATTERI_GL_LINEAR);
     f->medium_buffer = scatteri_gl_make_buffer(f, sizeof f->medium_block);
     f->view_buffer = scatteri_gl_make_buffer(f, sizeof f->view_block);
+    f->surface_buffer = scatteri_gl_make_buffer(f, sizeof f->surface_block);
     for (i = 0; i < scatteri_gl_most_batches(f); i++)
         f->light_buffers[i] = scatteri_gl_make_buffer(f, sizeof f->lights_block);
     result = scatteri_gl_size_texture(f, &f->gaussians, SCATTERI_GL_RGBA32F, SCATTERI_GL_ROW, rows, 1);
@@ -3639,6 +4332,7 @@ static void scatteri_gl_drop_objects(scatter_gl *f)
     gl->DeleteSamplers(1, &f->linear);
     gl->DeleteBuffers(1, &f->medium_buffer);
     gl->DeleteBuffers(1, &f->view_buffer);
+    gl->DeleteBuffers(1, &f->surface_buffer);
     gl->DeleteBuffers(scatteri_gl_most_batches(f), f->light_buffers);
     scatteri_gl_drop_timers(f);
 }
@@ -3654,6 +4348,7 @@ static void scatteri_gl_drop_textures(scatter_gl *f)
         scatteri_gl_drop_texture(f, &f->running[i]);
         scatteri_gl_drop_texture(f, &f->wave[i]);
         scatteri_gl_drop_texture(f, &f->reduced[i]);
+        scatteri_gl_drop_texture(f, &f->froxel_running[i]);
     }
     for (i = 0; i < f->grid_room; i++)
         scatteri_gl_drop_texture(f, &f->grids[i]);
@@ -3675,6 +4370,7 @@ SCATTER_API void scatter_gl_destroy(scatter_gl *f)
     scatteri_release(&host, f->volumes);
     scatteri_release(&host, f->scratch);
     scatteri_release(&host, f->grids);
+    scatteri_release(&host, f->surface_text);
     scatteri_release(&host, f->programs);
     scatteri_release(&host, f);
 }
