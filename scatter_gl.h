@@ -255,7 +255,10 @@ enum {
     SCATTERI_GL_TEXTURE_3D = 0x806F,
     SCATTERI_GL_TEXTURE_COMPARE_MODE = 0x884C,
     SCATTERI_GL_TIMESTAMP = 0x8E28,
+    SCATTERI_GL_POINTS = 0,
+    SCATTERI_GL_PROGRAM_POINT_SIZE = 0x8642,
     SCATTERI_GL_TRIANGLES = 4,
+    SCATTERI_GL_TRIANGLE_STRIP = 5,
     SCATTERI_GL_UNIFORM_BUFFER = 0x8A11,
     SCATTERI_GL_UNIFORM_BUFFER_SIZE = 0x8A2A,
     SCATTERI_GL_UNIFORM_BUFFER_START = 0x8A29,
@@ -440,6 +443,7 @@ enum {
     A(axis_w, 4)    /* w: first shell */ \
     A(polar, 4)     /* 1/step of u, v, r; r of the last shell */ \
     A(polar_size, 4) /* columns, columns, shells of this light; w: 1 if directional */ \
+    A(anchor, 4)     /* of the wavefront: the nearest cell; w: bits of axes on which the source is inside */ \
     A(shadow, 4)     /* kind, bias, 1 or -1 (reversed), cascades */ \
     A(shadow_more, 4) /* layer, near, far, not used */ \
     A(shadow_matrix, 64) /* rows of the matrix of light l and cascade c at (l 4 + c) 4 */
@@ -966,8 +970,8 @@ static const char scatteri_gl_whole[] =
 
 /* --- the medium, and depth that is stored in volumes --- */
 
-/* Gaussians by number, and depth of all of them between x and `segment` metres towards `to`. */
-static const char scatteri_gl_gaussians[] =
+/* Gaussians by number. */
+static const char scatteri_gl_table[] =
     "uniform highp sampler2D scatteri_gaussians;\n"
     "vec4 scatteri_gauss_texel(int i) {\n"
     "    const int row = " SCATTERI_GL_TEXT(SCATTERI_GL_ROW) ";\n"
@@ -976,9 +980,12 @@ static const char scatteri_gl_gaussians[] =
     "vec4 scatteri_gauss_place(int i) {\n" /* centre, a */
     "    return scatteri_gauss_texel(2 * i);\n"
     "}\n"
-    "vec4 scatteri_gauss_weight(int i) {\n" /* c, reach, c sqrt(pi)/(2a) */
+    "vec4 scatteri_gauss_weight(int i) {\n" /* c, reach, c sqrt(pi)/(2a), sqrt(reach)/a */
     "    return scatteri_gauss_texel(2 * i + 1);\n"
-    "}\n"
+    "}\n";
+
+/* Depth of all Gaussians between x and `segment` metres towards `to`. */
+static const char scatteri_gl_gaussians[] =
     "float scatteri_quick_span(float x, float y) {\n"
     "    float qx = scatteri_erf_under(x * x);\n"
     "    float qy = scatteri_erf_under(y * y);\n"
@@ -1170,6 +1177,383 @@ static const char scatteri_gl_volume[] =
     "#endif\n"
     "}\n"
     "#endif\n";
+
+/* --- passes that fill volumes ---
+   Each draws several layers at once. scatteri_at.x: the first of them. */
+
+static const char scatteri_gl_slices[] =
+    "#ifndef SCATTERI_FIRST\n"
+    "#define SCATTERI_FIRST 0\n"
+    "#endif\n"
+    "layout(location = SCATTERI_FIRST) out vec4 scatteri_slice[SCATTERI_SLICES];\n"
+    "uniform ivec4 scatteri_at;\n"
+    /* ES takes constant indices only. */
+    "void scatteri_write(vec4 values[SCATTERI_SLICES]) {\n"
+    "    scatteri_slice[0] = values[0];\n"
+    "#if SCATTERI_SLICES > 1\n"
+    "    scatteri_slice[1] = values[1];\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 2\n"
+    "    scatteri_slice[2] = values[2];\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 3\n"
+    "    scatteri_slice[3] = values[3];\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 4\n"
+    "    scatteri_slice[4] = values[4];\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 5\n"
+    "    scatteri_slice[5] = values[5];\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 6\n"
+    "    scatteri_slice[6] = values[6];\n"
+    "#endif\n"
+    "#if SCATTERI_SLICES > 7\n"
+    "    scatteri_slice[7] = values[7];\n"
+    "#endif\n"
+    "}\n";
+
+static const char scatteri_gl_cells[] =
+    "vec3 scatteri_cell_size() {\n"
+    "    return (scatteri_local_max.xyz - scatteri_local_min.xyz) / scatteri_local_min.w;\n"
+    "}\n"
+    /* Centre of a cell of the local box, relative to `from`. */
+    "vec3 scatteri_cell_centre(ivec3 cell, vec3 from) {\n"
+    "    return (scatteri_local_min.xyz - from) + (vec3(cell) + 0.5) * scatteri_cell_size();\n"
+    "}\n";
+
+/* Density of one grid and of all Gaussians, as far as SCATTERI_FIELD and SCATTERI_GAUSSIANS ask for them. */
+static const char scatteri_gl_inject_cells[] =
+    "#ifdef SCATTERI_GAUSSIANS\n"
+    "void scatteri_gather(inout vec4 values[SCATTERI_SLICES]) {\n"
+    "    ivec3 cell = ivec3(gl_FragCoord.xy, scatteri_at.x);\n"
+    "    float step_z = scatteri_cell_size().z;\n"
+    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
+    "        vec4 g = scatteri_gauss_place(i);\n"
+    "        vec4 c = scatteri_gauss_weight(i);\n"
+    "        vec3 d = scatteri_cell_centre(cell, g.xyz);\n"
+    "        float last = d.z + float(SCATTERI_SLICES - 1) * step_z;\n"
+    "        if (max(max(abs(d.x), abs(d.y)), max(d.z, -last)) > c.w)\n"
+    "            continue;\n"
+    "        float density = c.x * exp(-g.w * g.w * dot(d.xy, d.xy));\n"
+    "        for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "            float z = d.z + float(s) * step_z;\n"
+    "            if (abs(z) <= c.w)\n"
+    "                values[s].x += density * exp(-g.w * g.w * z * z);\n"
+    "        }\n"
+    "    }\n"
+    "}\n"
+    "#endif\n"
+    "void main() {\n"
+    "    vec4 values[SCATTERI_SLICES];\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        values[s] = vec4(0.0);\n"
+    "#ifdef SCATTERI_FIELD\n"
+    "        ivec3 cell = ivec3(gl_FragCoord.xy, scatteri_at.x + s);\n"
+    "        values[s].x = scatteri_field_density(scatteri_cell_centre(cell, vec3(0.0)));\n"
+    "#endif\n"
+    "    }\n"
+    "#ifdef SCATTERI_GAUSSIANS\n"
+    "    scatteri_gather(values);\n"
+    "#endif\n"
+    "    scatteri_write(values);\n"
+    "}\n";
+
+/* A quad for each Gaussian around its support in the layers; nothing where it does not reach them. */
+static const char scatteri_gl_splat_quad[] =
+    "uniform ivec4 scatteri_at;\n"
+    "flat out vec4 scatteri_place;\n"
+    "flat out vec4 scatteri_weight_of;\n"
+    "void main() {\n"
+    "    vec4 g = scatteri_gauss_place(gl_InstanceID);\n"
+    "    vec4 c = scatteri_gauss_weight(gl_InstanceID);\n"
+    "    vec2 corner = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1)) * 2.0 - 1.0;\n"
+    "    vec3 first = scatteri_cell_centre(ivec3(0, 0, scatteri_at.x), g.xyz);\n"
+    "    float last = first.z + float(SCATTERI_SLICES - 1) * scatteri_cell_size().z;\n"
+    "    vec2 size = scatteri_local_max.xy - scatteri_local_min.xy;\n"
+    "    vec2 at = (g.xy + corner * c.w - scatteri_local_min.xy) / size * 2.0 - 1.0;\n"
+    "    bool reaches = first.z <= c.w && last >= -c.w;\n"
+    "    gl_Position = reaches ? vec4(at, 0.0, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);\n"
+    "    scatteri_place = g;\n"
+    "    scatteri_weight_of = c;\n"
+    "}\n";
+
+static const char scatteri_gl_splat[] =
+    "flat in vec4 scatteri_place;\n"
+    "flat in vec4 scatteri_weight_of;\n"
+    "void main() {\n"
+    "    vec4 values[SCATTERI_SLICES];\n"
+    "    float narrow = scatteri_place.w * scatteri_place.w;\n"
+    "    float step_z = scatteri_cell_size().z;\n"
+    "    ivec3 cell = ivec3(gl_FragCoord.xy, scatteri_at.x);\n"
+    "    vec3 d = scatteri_cell_centre(cell, scatteri_place.xyz);\n"
+    "    float density = scatteri_weight_of.x * exp(-narrow * dot(d.xy, d.xy));\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        float z = d.z + float(s) * step_z;\n"
+    "        float value = abs(z) <= scatteri_weight_of.w ? density * exp(-narrow * z * z) : 0.0;\n"
+    "        values[s] = vec4(value, 0.0, 0.0, 0.0);\n"
+    "    }\n"
+    "    scatteri_write(values);\n"
+    "}\n";
+
+/* Where a source of the batch is seen from x: unit vector towards it, and its distance. */
+static const char scatteri_gl_facing[] =
+    "vec4 scatteri_face(int channel, vec3 x) {\n"
+    "    if (scatteri_light[channel].w > 1.5)\n"
+    "        return vec4(-scatteri_direction[channel].xyz, SCATTERI_FAR);\n"
+    "    vec3 to = scatteri_light[channel].xyz - x;\n"
+    "    float square = dot(to, to);\n"
+    "    float inverse = square > 1e-37 ? inversesqrt(square) : 0.0;\n"
+    "    return vec4(to * inverse, square * inverse);\n"
+    "}\n";
+
+/* Mean density towards local sources, depth of directional ones, in closed form. */
+static const char scatteri_gl_closed[] =
+    "float scatteri_closed_value(int channel, vec3 x) {\n"
+    "    vec4 to = scatteri_face(channel, x);\n"
+    "    float depth = scatteri_closed_depth(x, to.xyz, scatteri_segment_to(x, to.xyz, to.w));\n"
+    "    if (scatteri_light[channel].w > 1.5)\n"
+    "        return depth;\n"
+    "    return to.w > 0.0 ? depth / to.w : scatteri_cone[channel].z;\n"
+    "}\n"
+    "void main() {\n"
+    "    vec4 values[SCATTERI_SLICES];\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        ivec3 cell = ivec3(gl_FragCoord.xy, scatteri_at.x + s);\n"
+    "        vec3 x = scatteri_cell_centre(cell, vec3(0.0));\n"
+    "        values[s] = vec4(0.0);\n"
+    "        for (int channel = 0; channel < int(scatteri_batch.x); channel++)\n"
+    "            values[s][channel] = scatteri_closed_value(channel, x);\n"
+    "    }\n"
+    "    scatteri_write(values);\n"
+    "}\n";
+
+/* Columns of shells around each source of the batch. */
+static const char scatteri_gl_columns[] =
+    "#ifdef SCATTERI_FIELD\n"
+    "#define SCATTERI_FIRST 1\n"
+    "layout(location = 0) out vec4 scatteri_running;\n"
+    "uniform highp sampler2D scatteri_before;\n"
+    "#endif\n"
+    "struct scatteri_column {\n"
+    "    vec3 o, d;\n"      /* points o + t d */
+    "    float start, step_t;\n" /* t of the first shell, of a step */
+    "    vec2 t;\n"         /* what lies inside the bounds */
+    "};\n"
+    "scatteri_column scatteri_column_at(int channel, vec2 at) {\n"
+    "    vec4 u = scatteri_axis_u[channel];\n"
+    "    vec4 v = scatteri_axis_v[channel];\n"
+    "    vec4 w = scatteri_axis_w[channel];\n"
+    "    vec4 per = scatteri_polar[channel];\n"
+    "    bool parallel = scatteri_polar_size[channel].w > 0.5;\n"
+    "    vec2 p = vec2(u.w, v.w) + at / per.xy;\n"
+    "    vec3 q = scatteri_oct_decode(clamp(p, -1.0, 1.0));\n"
+    "    vec3 fan = u.xyz * q.x + v.xyz * q.y + w.xyz * q.z;\n"
+    "    vec3 side = u.xyz * p.x + v.xyz * p.y + w.xyz * w.w;\n"
+    "    scatteri_column c;\n"
+    "    c.o = parallel ? side : scatteri_light[channel].xyz;\n"
+    "    c.d = parallel ? w.xyz : fan;\n"
+    "    c.start = parallel ? 0.0 : w.w;\n"
+    "    c.step_t = 1.0 / per.z;\n"
+    "    c.t = c.start + vec2(0.0, per.w - w.w);\n"
+    "#ifdef SCATTERI_BOUNDED\n"
+    /* Columns along the face on which the source lies go on outside, as on the CPU. */
+    "    bool touches = !parallel && w.w * per.z <= 0.1;\n"
+    "    vec2 cut = scatteri_clip_box(scatteri_bounds_min.xyz, scatteri_bounds_max.xyz, c.o, c.d,\n"
+    "                                 c.t);\n"
+    "    c.t = cut.x < cut.y ? cut : touches ? c.t : c.t.xx;\n"
+    "#endif\n"
+    "    return c;\n"
+    "}\n"
+    "float scatteri_shell_at(scatteri_column c, int shell) {\n"
+    "    return clamp(c.start + float(shell) * c.step_t, c.t.x, c.t.y);\n"
+    "}\n";
+
+static const char scatteri_gl_sums[] =
+    "#ifdef SCATTERI_GAUSSIANS\n"
+    "float scatteri_quick_erf(float x) {\n"
+    "    float y = clamp(x, -3.6, 3.6);\n"
+    "    return scatteri_erf_over(y, y * y) / scatteri_erf_under(y * y);\n"
+    "}\n"
+    /* Thick Gaussians by the form that keeps its digits in the tails. */
+    "float scatteri_thick_span(float a, float m, float from, float t) {\n"
+    "    return scatteri_erf_span(max(a * (from - m), -1e6), min(a * (t - m), 1e6),\n"
+    "                             min(0.5 * a * (t - from), 1e6));\n"
+    "}\n"
+    "void scatteri_sum_gaussians(scatteri_column c, float t[SCATTERI_SLICES],\n"
+    "                            inout float depth[SCATTERI_SLICES]) {\n"
+    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
+    "        vec4 g = scatteri_gauss_place(i);\n"
+    "        vec4 k = scatteri_gauss_weight(i);\n"
+    "        vec3 off = g.xyz - c.o;\n"
+    "        float m = dot(off, c.d);\n"
+    "        vec3 across = off - m * c.d;\n"
+    "        float fade = g.w * g.w * dot(across, across);\n"
+    "        if (fade >= k.y || t[SCATTERI_SLICES - 1] < m - k.w)\n"
+    "            continue;\n"
+    "        float whole = k.z * exp(-fade);\n"
+    "        bool thick = scatteri_extinction.w * k.z >= " SCATTERI_GL_TEXT(SCATTERI_QUICK) ";\n"
+    "        float begun = scatteri_quick_erf(g.w * (c.t.x - m));\n"
+    "        for (int s = 0; s < SCATTERI_SLICES; s++)\n"
+    "            depth[s] += whole * (thick ? scatteri_thick_span(g.w, m, c.t.x, t[s])\n"
+    "                                       : scatteri_quick_erf(g.w * (t[s] - m)) - begun);\n"
+    "    }\n"
+    "}\n"
+    "#endif\n"
+    "#ifdef SCATTERI_FIELD\n"
+    /* What the field adds between two shells, sampled about once a voxel. */
+    "float scatteri_sum_field(scatteri_column c, float from, float to) {\n"
+    "    vec3 voxels = vec3(textureSize(scatteri_field, 0)) * scatteri_field_per.xyz * abs(c.d);\n"
+    "    int samples = int(clamp(0.75 * scatteri_most3(voxels) * c.step_t, 0.0, 1e4)) + 1;\n"
+    "    float part = (to - from) / float(samples);\n"
+    "    float sum = 0.0;\n"
+    "    for (int s = 0; s < samples && part > 0.0; s++)\n"
+    "        sum += scatteri_field_density(c.o + (from + (float(s) + 0.5) * part) * c.d);\n"
+    "    return sum * part;\n"
+    "}\n"
+    "#endif\n";
+
+static const char scatteri_gl_polar[] =
+    "void scatteri_fill_column(int channel, inout vec4 running, inout vec4 values[SCATTERI_SLICES]) {\n"
+    "    scatteri_column c = scatteri_column_at(channel, floor(gl_FragCoord.xy));\n"
+    "    bool parallel = scatteri_polar_size[channel].w > 0.5;\n"
+    "    float t[SCATTERI_SLICES];\n"
+    "    float depth[SCATTERI_SLICES];\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        t[s] = scatteri_shell_at(c, scatteri_at.x + s);\n"
+    "        depth[s] = 0.0;\n"
+    "    }\n"
+    "#ifdef SCATTERI_GAUSSIANS\n"
+    "    scatteri_sum_gaussians(c, t, depth);\n"
+    "#endif\n"
+    "#ifdef SCATTERI_FIELD\n"
+    "    float before = scatteri_at.x > 0 ? scatteri_shell_at(c, scatteri_at.x - 1) : c.t.x;\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        running[channel] += scatteri_sum_field(c, before, t[s]);\n"
+    "        before = t[s];\n"
+    "        depth[s] += running[channel];\n"
+    "    }\n"
+    "#endif\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        float r = c.start + float(scatteri_at.x + s) * c.step_t;\n"
+    "        float value = max(depth[s], 0.0) / (parallel ? 1.0 : r > 0.0 ? r : SCATTERI_FAR);\n"
+    "        bool at_source = !parallel && !(c.start > 0.0) && scatteri_at.x + s == 0;\n"
+    "        values[s][channel] = at_source ? scatteri_cone[channel].z : value;\n"
+    "    }\n"
+    "}\n"
+    "void main() {\n"
+    "    vec4 values[SCATTERI_SLICES];\n"
+    "    vec4 running = vec4(0.0);\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++)\n"
+    "        values[s] = vec4(0.0);\n"
+    "#ifdef SCATTERI_FIELD\n"
+    "    if (scatteri_at.x > 0)\n"
+    "        running = texelFetch(scatteri_before, ivec2(gl_FragCoord.xy), 0);\n"
+    "#endif\n"
+    "    for (int channel = 0; channel < int(scatteri_batch.x); channel++)\n"
+    "        scatteri_fill_column(channel, running, values);\n"
+    "#ifdef SCATTERI_FIELD\n"
+    "    scatteri_running = running;\n"
+    "#endif\n"
+    "    scatteri_write(values);\n"
+    "}\n";
+
+/* The wavefront. Cells lie in two pictures, layers side by side; wave s, the cells s steps away from the nearest one
+   (the anchor), in the picture of its parity, so that what a wave reads and what it writes are never in the same one. */
+static const char scatteri_gl_atlas[] =
+    "uniform highp sampler2D scatteri_before;\n"
+    "ivec2 scatteri_texel_of(ivec3 cell) {\n"
+    "    int n = int(scatteri_local_min.w);\n"
+    "    int tiles = textureSize(scatteri_before, 0).x / n;\n"
+    "    return ivec2(cell.z % tiles, cell.z / tiles) * n + cell.xy;\n"
+    "}\n"
+    "ivec3 scatteri_cell_of_texel(ivec2 texel) {\n"
+    "    int n = int(scatteri_local_min.w);\n"
+    "    int tiles = textureSize(scatteri_before, 0).x / n;\n"
+    "    ivec2 tile = texel / n;\n"
+    "    return ivec3(texel - tile * n, tile.y * tiles + tile.x);\n"
+    "}\n";
+
+/* Points of wave scatteri_at.y of source scatteri_at.x: those of a square of x and y around the anchor, above and below
+   it, of which some are none. */
+static const char scatteri_gl_wave_points[] =
+    "uniform ivec4 scatteri_at;\n"
+    "void main() {\n"
+    "    ivec3 anchor = ivec3(scatteri_anchor[scatteri_at.x].xyz);\n"
+    "    int n = int(scatteri_local_min.w);\n"
+    "    int wave = scatteri_at.y;\n"
+    "    bool both = anchor.z > 0 && anchor.z < n - 1;\n"
+    "    bool up = both ? (gl_VertexID & 1) == 0 : anchor.z == 0;\n"
+    "    int number = both ? gl_VertexID >> 1 : gl_VertexID;\n"
+    "    ivec2 low = max(anchor.xy - wave, 0);\n"
+    "    int width = min(anchor.x + wave, n - 1) - low.x + 1;\n"
+    "    ivec3 cell = ivec3(low + ivec2(number % width, number / width), 0);\n"
+    "    int rest = wave - abs(cell.x - anchor.x) - abs(cell.y - anchor.y);\n"
+    "    cell.z = anchor.z + (up ? rest : -rest);\n"
+    "    bool is = rest >= 0 && cell.z >= 0 && cell.z < n && (up || !both || rest > 0);\n"
+    "    vec2 at = (vec2(scatteri_texel_of(cell)) + 0.5) / vec2(textureSize(scatteri_before, 0));\n"
+    "    gl_Position = is ? vec4(at * 2.0 - 1.0, 0.0, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);\n"
+    "    gl_PointSize = 1.0;\n"
+    "}\n";
+
+/* First-order upwind differences of u . grad tau = D, see scatteri_upwind. */
+static const char scatteri_gl_wave[] =
+    "uniform ivec4 scatteri_at;\n"
+    "uniform highp sampler3D scatteri_field;\n"
+    "out vec4 scatteri_value;\n"
+    "float scatteri_depth_of(ivec3 cell, vec3 size) {\n"
+    "    int channel = scatteri_at.x;\n"
+    "    int n = int(scatteri_local_min.w);\n"
+    "    if (any(lessThan(cell, ivec3(0))) || any(greaterThanEqual(cell, ivec3(n))))\n"
+    "        return 0.0;\n"
+    "    float value = texelFetch(scatteri_before, scatteri_texel_of(cell), 0)[channel];\n"
+    "    if (scatteri_light[channel].w > 1.5)\n"
+    "        return value;\n"
+    "    return value * length(scatteri_cell_centre(cell, scatteri_light[channel].xyz));\n"
+    "}\n"
+    "void main() {\n"
+    "    vec4 anchor = scatteri_anchor[scatteri_at.x];\n"
+    "    bool parallel = scatteri_light[scatteri_at.x].w > 1.5;\n"
+    "    ivec3 cell = scatteri_cell_of_texel(ivec2(gl_FragCoord.xy));\n"
+    "    vec3 size = scatteri_cell_size();\n"
+    "    vec3 away = scatteri_cell_centre(cell, scatteri_light[scatteri_at.x].xyz);\n"
+    "    float r = parallel ? 1.0 : length(away);\n"
+    "    vec3 u = parallel ? scatteri_direction[scatteri_at.x].xyz : away / max(r, 1e-30);\n"
+    "    float density = texelFetch(scatteri_field, cell, 0).x;\n"
+    "    float sum = density;\n"
+    "    float weights = 0.0;\n"
+    "    for (int axis = 0; axis < 3; axis++) {\n"
+    "        bool nearest = (int(anchor.w) >> axis & 1) == 1 && float(cell[axis]) == anchor[axis];\n"
+    "        if (nearest || u[axis] == 0.0)\n"
+    "            continue;\n"
+    "        ivec3 from = cell;\n"
+    "        from[axis] += u[axis] > 0.0 ? -1 : 1;\n"
+    "        float weight = abs(u[axis]) / size[axis];\n"
+    "        weights += weight;\n"
+    "        sum += weight * scatteri_depth_of(from, size);\n"
+    "    }\n"
+    "    float depth = weights > 0.0 ? sum / weights : sum * r;\n"
+    "    scatteri_value = vec4(parallel ? depth : r > 0.0 ? depth / r : density);\n"
+    "}\n";
+
+/* Each source's cells from the picture of their wave. */
+static const char scatteri_gl_merge[] =
+    "uniform highp sampler2D scatteri_before_too;\n"
+    "void main() {\n"
+    "    vec4 values[SCATTERI_SLICES];\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        ivec3 cell = ivec3(gl_FragCoord.xy, scatteri_at.x + s);\n"
+    "        vec4 even = texelFetch(scatteri_before, scatteri_texel_of(cell), 0);\n"
+    "        vec4 odd = texelFetch(scatteri_before_too, scatteri_texel_of(cell), 0);\n"
+    "        values[s] = vec4(0.0);\n"
+    "        for (int channel = 0; channel < int(scatteri_batch.x); channel++) {\n"
+    "            ivec3 steps = abs(cell - ivec3(scatteri_anchor[channel].xyz));\n"
+    "            bool first = (steps.x + steps.y + steps.z & 1) == 0;\n"
+    "            values[s][channel] = first ? even[channel] : odd[channel];\n"
+    "        }\n"
+    "    }\n"
+    "    scatteri_write(values);\n"
+    "}\n";
 
 /* --- the eye ray --- */
 
@@ -2106,11 +2490,26 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
                                                            SCATTERI_GL_CORE
                                                            {"blocks", scatteri_gl_blocks},
                                                            {"whole", scatteri_gl_whole},
+                                                           {"table", scatteri_gl_table},
                                                            {"gaussians", scatteri_gl_gaussians},
                                                            {"density", scatteri_gl_density},
                                                            {"one_volume", scatteri_gl_one_volume},
                                                            {"four_volumes", scatteri_gl_four_volumes},
                                                            {"volume", scatteri_gl_volume},
+                                                           {"slices", scatteri_gl_slices},
+                                                           {"cells", scatteri_gl_cells},
+                                                           {"inject", scatteri_gl_inject_cells},
+                                                           {"quad", scatteri_gl_splat_quad},
+                                                           {"splat", scatteri_gl_splat},
+                                                           {"facing", scatteri_gl_facing},
+                                                           {"closed", scatteri_gl_closed},
+                                                           {"columns", scatteri_gl_columns},
+                                                           {"sums", scatteri_gl_sums},
+                                                           {"polar", scatteri_gl_polar},
+                                                           {"atlas", scatteri_gl_atlas},
+                                                           {"points", scatteri_gl_wave_points},
+                                                           {"wave", scatteri_gl_wave},
+                                                           {"merge", scatteri_gl_merge},
                                                            {"camera", scatteri_gl_camera},
                                                            {"eye", scatteri_gl_eye},
                                                            {"ends", scatteri_gl_ends},
@@ -2180,12 +2579,18 @@ enum {
     SCATTERI_GL_PASS_VIEW,
     SCATTERI_GL_PASS_FROXELS,
     SCATTERI_GL_PASS_UPSAMPLE,
+    SCATTERI_GL_PASS_INJECT, /* density of grids and Gaussians in cells */
+    SCATTERI_GL_PASS_SPLAT,  /* Gaussians as quads */
+    SCATTERI_GL_PASS_CLOSED, /* depth in closed form in cells */
+    SCATTERI_GL_PASS_POLAR,  /* depth in columns around the sources */
+    SCATTERI_GL_PASS_WAVE,   /* depth by upwind differences: one wave */
+    SCATTERI_GL_PASS_MERGE,  /* all waves into a volume */
     SCATTERI_GL_PASSES
 };
 
 #define SCATTERI_GL_MATHS "prelude vector erf span quick integrals phase maps tone "
 #define SCATTERI_GL_RAYS \
-    SCATTERI_GL_MATHS "blocks gaussians density one_volume volume camera eye ends shadow_maps " \
+    SCATTERI_GL_MATHS "blocks table gaussians density one_volume volume camera eye ends shadow_maps " \
                       "visible depth_to scattering nodes every_light "
 
 static const scatteri_gl_pass scatteri_gl_passes[] = {
@@ -2193,6 +2598,17 @@ static const scatteri_gl_pass scatteri_gl_passes[] = {
     {"froxels", "prelude whole", SCATTERI_GL_RAYS "froxels froxels_main",
      ~(unsigned)(SCATTERI_GL_HAS_SHOW | SCATTERI_GL_HAS_TRANSMITTANCE | SCATTERI_GL_HAS_MARCH)},
     {"upsample", "prelude whole", "prelude vector blocks density camera upsample", 0u},
+    {"inject", "prelude whole", "prelude blocks table density cells slices inject",
+     SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FIELD},
+    {"splat", "prelude blocks table cells quad", "prelude blocks cells slices splat", 0},
+    {"closed", "prelude whole",
+     "prelude vector erf span quick blocks table gaussians density cells facing slices closed",
+     SCATTERI_GL_HAS_BOUNDED},
+    {"polar", "prelude whole",
+     "prelude vector erf span quick maps blocks table density columns slices sums polar",
+     SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FIELD | SCATTERI_GL_HAS_BOUNDED},
+    {"wave", "prelude blocks atlas points", "prelude blocks atlas cells wave", 0},
+    {"merge", "prelude whole", "prelude blocks atlas slices merge", 0},
 };
 
 static const struct {
@@ -2463,6 +2879,7 @@ static const struct {
     {0x8E51, 0}, /* SAMPLE_MASK */
     {0x0BF2, 0}, /* COLOR_LOGIC_OP */
     {0x0B41, 0}, /* POLYGON_SMOOTH */
+    {0x8642, 0}, /* PROGRAM_POINT_SIZE; on while points are drawn */
     {0x3000, 0}, /* CLIP_DISTANCE0 and the others */
     {0x3001, 0}, {0x3002, 0}, {0x3003, 0}, {0x3004, 0}, {0x3005, 0}, {0x3006, 0}, {0x3007, 0}};
 
@@ -2999,7 +3416,7 @@ static void scatteri_gl_send_medium(scatter_gl *f)
     scatteri_gl_put3(b->local_min, local.min, (float)f->quality.grid);
     scatteri_gl_put3(b->local_max, local.max, 0.0f);
     if (f->density != NULL && d->grid_count > 0 && f->density != &f->field) {
-        const scatteri_field *field = &m->fields[0];
+        const scatteri_field *field = &m->fields[f->density - f->grids];
         const scatter_box box = scatteri_box_from(field->grid.box, f->ref);
         scatteri_gl_put3(b->field_min, box.min, field->scale);
         scatteri_gl_put3(b->field_max, box.max, 0.0f);
@@ -3016,6 +3433,22 @@ static void scatteri_gl_send_medium(scatter_gl *f)
         scatteri_gl_put(b->heights[i], d->heights[i].density, d->heights[i].y0 - f->ref.y,
                         d->heights[i].scale, 0.0f);
     scatteri_gl_send(f, f->medium_buffer, b, sizeof *b);
+}
+
+/* The cell nearest to a source, where its waves begin; .w: bit of each axis on which the source is inside. */
+static void scatteri_gl_put_anchor(float *to, const scatter_depth *d)
+{
+    const scatter_vec3 at = d->source.position, w = d->source.direction;
+    int axis, inside = 0;
+    for (axis = 0; axis < 3; axis++) {
+        scatteri_axis order;
+        scatteri_order_axis(&order, d->nx, scatteri_get(d->box.min, axis),
+                            scatteri_get(d->cell, axis), scatteri_get(at, axis),
+                            d->source.directional, scatteri_get(w, axis));
+        to[axis] = (float)order.order[0];
+        inside |= (order.nearest >= 0) << axis;
+    }
+    to[3] = (float)inside;
 }
 
 /* Light `lamp` of the fog as number l of its batch. */
@@ -3042,6 +3475,8 @@ static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *l
         scatteri_gl_put(b->polar[l], 1.0f / p->step_u, 1.0f / p->step_v, 1.0f / p->step_r,
                         b->axis_w[l][3] + (float)(p->nz - 1) * p->step_r);
     scatteri_gl_put(b->polar_size[l], (float)p->nx, (float)p->ny, (float)p->nz, (float)directional);
+    if (p->method == SCATTER_DEPTH_UPWIND && p->nx > 0)
+        scatteri_gl_put_anchor(b->anchor[l], p);
     scatteri_gl_put(b->shadow[l], (float)s->kind, s->bias, s->reversed ? -1.0f : 1.0f,
                     (float)(s->cascades > 1 ? s->cascades : 1));
     scatteri_gl_put(b->shadow_more[l], (float)s->layer, s->near, s->far, 0.0f);
@@ -3057,17 +3492,221 @@ static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *l
 
 /* --------------------------------------------------------------------------------------- >>volumes */
 
-/* Fills f->field with the density of the medium's local terms. */
-static scatter_result scatteri_gl_inject(scatter_gl *f)
+/* Layers that a pass fills at once. */
+static int scatteri_gl_slices_of(const scatter_gl *f)
 {
-    return scatteri_fail(&f->host, SCATTER_UNSUPPORTED, "injection is not there yet");
+    return scatteri_clamp_int(f->draw_buffers, 1, SCATTERI_GL_SLICES);
 }
 
-/* Fills f->volumes[batch] with the depth of its sources. */
+/* Draws all layers of a volume with the current program: one triangle, or a quad for each of `quads`. */
+static scatter_result scatteri_gl_fill_volume(scatter_gl *f, const scatteri_gl_program *program,
+                                              const scatteri_gl_texture *volume, int quads)
+{
+    const int slices = scatteri_gl_slices_of(f);
+    scatter_result result = SCATTER_OK;
+    int first;
+    for (first = 0; first < volume->depth && result == SCATTER_OK; first += slices) {
+        const int left = volume->depth - first;
+        result = scatteri_gl_target_slices(f, volume, first, left < slices ? left : slices);
+        f->gl.Uniform4i(program->at, first, 0, 0, 0);
+        if (result == SCATTER_OK && quads > 0)
+            f->gl.DrawArraysInstanced(SCATTERI_GL_TRIANGLE_STRIP, 0, 4, quads);
+        else if (result == SCATTER_OK)
+            f->gl.DrawArrays(SCATTERI_GL_TRIANGLES, 0, 3);
+    }
+    return result;
+}
+
+/* The same with the program of a pass. */
+static scatter_result scatteri_gl_run_pass(scatter_gl *f, int pass, unsigned features,
+                                           const scatteri_gl_texture *volume, int quads)
+{
+    const scatteri_gl_program *program;
+    const scatter_result result =
+        scatteri_gl_use(f, pass, features, scatteri_gl_slices_of(f), &program);
+    return result == SCATTER_OK ? scatteri_gl_fill_volume(f, program, volume, quads) : result;
+}
+
+/* --- injection --- */
+
+/* Shaders read density from this grid. */
+static void scatteri_gl_read_grid(scatter_gl *f, int grid)
+{
+    f->density = &f->grids[grid];
+    scatteri_gl_send_medium(f);
+    scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_FIELD, f->density);
+}
+
+/* Fills f->field with the density of the medium's local terms; Gaussians by quads or gathered by each cell. Only the
+   first pass does not add to what is there. */
+static scatter_result scatteri_gl_inject_by(scatter_gl *f, int quads)
+{
+    const int count = f->medium.gaussians.count, grids = (int)f->medium.desc.grid_count;
+    const unsigned field = grids > 0 ? (unsigned)SCATTERI_GL_HAS_FIELD : 0u;
+    const unsigned gather = count > 0 && !quads ? (unsigned)SCATTERI_GL_HAS_GAUSSIANS : 0u;
+    scatter_result result;
+    int i;
+    f->density = NULL;
+    scatteri_gl_send_medium(f);
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_GAUSSIANS, &f->gaussians);
+    if (grids > 0)
+        scatteri_gl_read_grid(f, 0);
+    result = scatteri_gl_run_pass(f, SCATTERI_GL_PASS_INJECT, field | gather, &f->field, 0);
+    scatteri_gl_blend(f, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE);
+    if (result == SCATTER_OK && count > 0 && quads)
+        result = scatteri_gl_run_pass(f, SCATTERI_GL_PASS_SPLAT, 0, &f->field, count);
+    for (i = 1; i < grids && result == SCATTER_OK; i++) {
+        scatteri_gl_read_grid(f, i);
+        result = scatteri_gl_run_pass(f, SCATTERI_GL_PASS_INJECT, field, &f->field, 0);
+    }
+    f->gl.Disable(SCATTERI_GL_BLEND);
+    return result;
+}
+
+/* Whether quads cost less than gathering: see scatteri_gl_inject_by. */
+static int scatteri_gl_quads_pay(const scatter_gl *f)
+{
+    return f->can_blend_float && f->field.format == SCATTERI_GL_R32F;
+}
+
+static scatter_result scatteri_gl_inject(scatter_gl *f)
+{
+    return scatteri_gl_inject_by(f, scatteri_gl_quads_pay(f));
+}
+
+/* --- depth: columns --- */
+
+/* Shells of the columns around each source, each cell once. Gaussians in closed form; what a field adds from shell to
+   shell goes from pass to pass as a running sum. */
+static scatter_result scatteri_gl_sum_columns(scatter_gl *f, const scatteri_gl_texture *volume,
+                                              unsigned features)
+{
+    const int sums = (features & SCATTERI_GL_HAS_FIELD) != 0;
+    const int shells = scatteri_clamp_int(f->draw_buffers - sums, 1, SCATTERI_GL_SLICES);
+    const scatteri_gl_program *program = NULL;
+    scatteri_gl_layer layers[SCATTERI_GL_MOST_BUFFERS];
+    scatter_result result = SCATTER_OK;
+    int first, i, turn = 0;
+    for (i = 0; i < 2 && sums && result == SCATTER_OK; i++)
+        result = scatteri_gl_size_texture(f, &f->running[i], SCATTERI_GL_RGBA32F, volume->width,
+                                          volume->height, 1);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_POLAR, features, shells, &program);
+    for (first = 0; first < volume->depth && result == SCATTER_OK; first += shells) {
+        const int left = volume->depth - first, count = left < shells ? left : shells;
+        layers[0].texture = &f->running[turn];
+        layers[0].layer = 0;
+        for (i = 0; i < count; i++) {
+            layers[sums + i].texture = volume;
+            layers[sums + i].layer = first + i;
+        }
+        turn = 1 - turn;
+        if (sums)
+            scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->running[turn]);
+        result = scatteri_gl_target(f, layers, sums + count);
+        if (result == SCATTER_OK)
+            scatteri_gl_fill(f, program, first, 0, 0, 0);
+    }
+    return result;
+}
+
+/* --- depth: wavefront --- */
+
+/* Steps to the farthest cell on an axis. */
+static int scatteri_gl_most_steps(const float *anchor, int axis, int n)
+{
+    const int a = (int)anchor[axis];
+    return a > n - 1 - a ? a : n - 1 - a;
+}
+
+/* Points of a wave: see scatteri_gl_wave_points. */
+static int scatteri_gl_wave_count(const float *anchor, int wave, int n)
+{
+    const int x = (int)anchor[0], y = (int)anchor[1], z = (int)anchor[2];
+    const int width =
+        scatteri_clamp_int(x + wave, 0, n - 1) - scatteri_clamp_int(x - wave, 0, n - 1) + 1;
+    const int height =
+        scatteri_clamp_int(y + wave, 0, n - 1) - scatteri_clamp_int(y - wave, 0, n - 1) + 1;
+    return width * height * (z > 0 && z < n - 1 ? 2 : 1);
+}
+
+/* One wave of all sources of the batch; each writes its own channel. */
+static void scatteri_gl_draw_wave(scatter_gl *f, const scatteri_gl_program *program, int wave)
+{
+    const scatteri_gl_lights_block *b = &f->lights_block;
+    const int n = f->quality.grid;
+    int channel;
+    for (channel = 0; channel < (int)b->batch[0]; channel++) {
+        const float *anchor = b->anchor[channel];
+        const int last = scatteri_gl_most_steps(anchor, 0, n) +
+                         scatteri_gl_most_steps(anchor, 1, n) +
+                         scatteri_gl_most_steps(anchor, 2, n);
+        if (wave > last)
+            continue;
+        f->gl.ColorMask(channel == 0, channel == 1, channel == 2, channel == 3);
+        f->gl.Uniform4i(program->at, channel, wave, 0, 0);
+        f->gl.DrawArrays(SCATTERI_GL_POINTS, 0, scatteri_gl_wave_count(anchor, wave, n));
+    }
+}
+
+static scatter_result scatteri_gl_run_waves(scatter_gl *f)
+{
+    const scatteri_gl_program *program;
+    scatter_result result = scatteri_gl_use(f, SCATTERI_GL_PASS_WAVE, 0, 1, &program);
+    scatteri_gl_layer layer;
+    int wave;
+    layer.layer = 0;
+    for (wave = 0; wave <= 3 * (f->quality.grid - 1) && result == SCATTER_OK; wave++) {
+        layer.texture = &f->wave[wave & 1];
+        scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->wave[1 - (wave & 1)]);
+        result = scatteri_gl_target(f, &layer, 1);
+        if (result == SCATTER_OK)
+            scatteri_gl_draw_wave(f, program, wave);
+    }
+    return result;
+}
+
+static scatter_result scatteri_gl_sweep(scatter_gl *f, const scatteri_gl_texture *volume)
+{
+    const int n = volume->depth;
+    scatter_result result = SCATTER_OK;
+    int tiles = 1, i;
+    while (tiles * tiles < n)
+        tiles++;
+    for (i = 0; i < 2 && result == SCATTER_OK; i++)
+        result = scatteri_gl_size_texture(f, &f->wave[i], SCATTERI_GL_RGBA32F, tiles * n,
+                                          (n + tiles - 1) / tiles * n, 1);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_FIELD, &f->field);
+    if (!f->es)
+        f->gl.Enable(SCATTERI_GL_PROGRAM_POINT_SIZE);
+    result = scatteri_gl_run_waves(f);
+    if (!f->es)
+        f->gl.Disable(SCATTERI_GL_PROGRAM_POINT_SIZE);
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->wave[0]);
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE_TOO, &f->wave[1]);
+    return result == SCATTER_OK ? scatteri_gl_run_pass(f, SCATTERI_GL_PASS_MERGE, 0, volume, 0)
+                                : result;
+}
+
+/* --- depth --- */
+
+static unsigned scatteri_gl_medium_features(const scatter_gl *f);
+
+/* Fills f->volumes[batch] with the depth of its sources, whose block was sent. */
 static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch)
 {
-    (void)batch;
-    return scatteri_fail(&f->host, SCATTER_UNSUPPORTED, "propagation is not there yet");
+    const scatteri_gl_texture *volume = &f->volumes[batch];
+    const unsigned features = scatteri_gl_medium_features(f);
+    f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, 1, f->light_buffers[batch]);
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_GAUSSIANS, &f->gaussians);
+    scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_FIELD, f->density);
+    if (f->quality.depth == SCATTER_DEPTH_POLAR)
+        return scatteri_gl_sum_columns(f, volume, features);
+    if (f->quality.depth == SCATTER_DEPTH_UPWIND)
+        return scatteri_gl_sweep(f, volume);
+    return scatteri_gl_run_pass(f, SCATTERI_GL_PASS_CLOSED, features, volume, 0);
 }
 
 /* ----------------------------------------------------------------------------------------- >>update */
@@ -3171,7 +3810,8 @@ static void scatteri_gl_send_gaussians(scatter_gl *f)
     for (i = 0; i < g->count; i++) {
         float *to = f->scratch + 8 * i;
         scatteri_gl_put(to, g->x[i] - f->ref.x, g->y[i] - f->ref.y, g->z[i] - f->ref.z, g->a[i]);
-        scatteri_gl_put(to + 4, g->c[i], g->reach[i], g->c[i] * 0.886226925f / g->a[i], 0.0f);
+        scatteri_gl_put(to + 4, g->c[i], g->reach[i], g->c[i] * 0.886226925f / g->a[i],
+                        g->reach[i] > 0.0f ? scatteri_sqrt(g->reach[i]) / g->a[i] : -1.0f);
     }
     scatteri_gl_upload(f, &f->gaussians, rows, f->scratch);
 }
@@ -3207,31 +3847,40 @@ static int scatteri_gl_field_format(const scatter_gl *f)
     return f->desc.half_float || !f->can_filter_float ? SCATTERI_GL_R16F : SCATTERI_GL_R32F;
 }
 
-/* Which texture density is read from, if any; injects the medium where that is needed and out of date. */
+/* Injects the medium if what is in the field is out of date. */
+static scatter_result scatteri_gl_refresh_field(scatter_gl *f)
+{
+    const int n = f->quality.grid;
+    /* Where 32 bits cannot be blended, 16 can. */
+    const int halves = f->medium.desc.grid_count > 1 && !f->can_blend_float;
+    const int format = halves ? (int)SCATTERI_GL_R16F : scatteri_gl_field_format(f);
+    scatter_result result;
+    if (f->field.width != n || f->field.format != format)
+        f->injected_version = -1;
+    result = scatteri_gl_size_texture(f, &f->field, format, n, n, n);
+    if (result != SCATTER_OK || f->injected_version == f->medium_version)
+        return result;
+    scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_INJECT);
+    result = scatteri_gl_inject(f);
+    scatteri_gl_end_timer(f, SCATTERI_GL_TIME_INJECT);
+    f->stats.injections++;
+    f->injected_version = result == SCATTER_OK ? f->medium_version : -1;
+    return result;
+}
+
+/* Which texture density is read from, if any. */
 static scatter_result scatteri_gl_update_field(scatter_gl *f)
 {
-    const scatteri_medium *m = &f->medium;
-    const int n = f->quality.grid;
-    scatter_result result;
+    const int exact = f->quality.density == SCATTER_DENSITY_EXACT;
+    scatter_result result = SCATTER_OK;
     f->density = NULL;
-    if (!m->has_local)
+    if (!f->medium.has_local)
         return SCATTER_OK;
-    if (f->quality.density == SCATTER_DENSITY_EXACT) {
-        f->density = m->desc.grid_count > 0 ? &f->grids[0] : NULL;
-        return SCATTER_OK;
-    }
-    if (f->field.width != n)
-        f->injected_version = -1;
-    result = scatteri_gl_size_texture(f, &f->field, scatteri_gl_field_format(f), n, n, n);
-    if (result == SCATTER_OK && f->injected_version != f->medium_version) {
-        scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_INJECT);
-        scatteri_gl_send_medium(f);
-        result = scatteri_gl_inject(f);
-        scatteri_gl_end_timer(f, SCATTERI_GL_TIME_INJECT);
-        f->stats.injections++;
-        f->injected_version = result == SCATTER_OK ? f->medium_version : -1;
-    }
-    f->density = &f->field;
+    if (!exact || f->quality.depth == SCATTER_DEPTH_UPWIND)
+        result = scatteri_gl_refresh_field(f);
+    f->density = !exact                            ? &f->field
+                 : f->medium.desc.grid_count > 0 ? &f->grids[0]
+                                                   : NULL;
     return result;
 }
 
@@ -3983,7 +4632,7 @@ static int scatteri_gl_most_batches(const scatter_gl *f)
 enum { SCATTERI_GL_SLOTS = 16 }; /* lights of surfaces: four batches */
 
 static const char scatteri_gl_surface_chapters[] =
-    SCATTERI_GL_MATHS "surface_blocks gaussians density four_volumes volume depth_to surface";
+    SCATTERI_GL_MATHS "surface_blocks table gaussians density four_volumes volume depth_to surface";
 
 SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
 {
