@@ -1813,7 +1813,7 @@ static const char scatteri_gl_depth_to[] =
     "    float segment = scatteri_segment_to(x, to, distance), sum = 0.0;\n"
     "#if defined(SCATTERI_CELLS) || defined(SCATTERI_POLAR)\n"
     "    sum = scatteri_volume_depth(l, x, to, distance, segment);\n"
-    "#elif defined(SCATTERI_GAUSSIANS)\n"
+    "#elif defined(SCATTERI_CLOSED)\n"
     "    sum = scatteri_closed_depth(x, to, segment);\n"
     "#endif\n"
     "#ifdef SCATTERI_FOG\n"
@@ -2546,7 +2546,8 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
     F(POINT)       /* kinds of lights in the batch */ \
     F(SPOT) \
     F(DIRECTIONAL) \
-    F(CELLS)       /* depth to the lights from cells of the local box; neither: in closed form */ \
+    F(CLOSED)      /* depth of Gaussians to the lights in closed form */ \
+    F(CELLS)       /* from cells of the local box */ \
     F(POLAR)       /* from columns around the lights */ \
     F(EYE)         /* depth to the eye from cells, too */ \
     F(MARCH)       /* uniform steps */ \
@@ -3734,6 +3735,8 @@ static unsigned scatteri_gl_medium_features(const scatter_gl *f)
         features |= SCATTERI_GL_HAS_ONE_LOBE;
     if (f->quality.ray == SCATTER_RAY_MARCH)
         features |= SCATTERI_GL_HAS_MARCH;
+    if (m->gaussians.count > 0 && f->quality.depth == SCATTER_DEPTH_CLOSED)
+        features |= SCATTERI_GL_HAS_CLOSED;
     if (m->has_local && f->quality.depth == SCATTER_DEPTH_POLAR)
         features |= SCATTERI_GL_HAS_POLAR;
     else if (m->has_local && f->quality.depth != SCATTER_DEPTH_CLOSED)
@@ -4646,7 +4649,7 @@ SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
     key.pass = 0;
     key.slices = 0;
     key.features = scatteri_gl_medium_features(f) &
-                   (unsigned)(SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FOG | SCATTERI_GL_HAS_BOUNDED |
+                   (unsigned)(SCATTERI_GL_HAS_CLOSED | SCATTERI_GL_HAS_FOG | SCATTERI_GL_HAS_BOUNDED |
                               SCATTERI_GL_HAS_CELLS | SCATTERI_GL_HAS_POLAR);
     if (f->surface_text != NULL && f->surface_features == key.features)
         return f->surface_text;
