@@ -991,9 +991,10 @@ static const char scatteri_gl_gaussians[] =
     "    float qy = scatteri_erf_under(y * y);\n"
     "    return (scatteri_erf_over(y, y * y) * qx - scatteri_erf_over(x, x * x) * qy) / (qx * qy);\n"
     "}\n"
-    /* From a m and a (length - m); thick Gaussians by the form that keeps its digits in the tails. */
+    /* From a m and a (length - m). Thick Gaussians by the form that keeps its digits in the tails, and so short
+       segments, whose mean density would lose them. */
     "float scatteri_gauss_span(float low, float high, float half_length, float thick) {\n"
-    "    if (thick < " SCATTERI_GL_TEXT(SCATTERI_QUICK) ")\n"
+    "    if (thick < " SCATTERI_GL_TEXT(SCATTERI_QUICK) " && half_length > 0.05)\n"
     "        return scatteri_quick_span(clamp(low, -3.6, 3.6), clamp(high, -3.6, 3.6));\n"
     "    return scatteri_erf_span(max(low, -1e6), min(high, 1e6), min(half_length, 1e6));\n"
     "}\n"
@@ -2913,7 +2914,7 @@ typedef struct scatteri_gl_state {
     int polygon_mode[2];
     int blend_functions[SCATTERI_GL_MOST_BUFFERS][4], blend_equations[SCATTERI_GL_MOST_BUFFERS][2];
     int unpack[SCATTERI_GL_UNPACKS];
-    scatteri_gl_byte blend[SCATTERI_GL_MOST_BUFFERS], scissor, on[SCATTERI_GL_SWITCHES];
+    scatteri_gl_byte blends[SCATTERI_GL_MOST_BUFFERS], scissor, on[SCATTERI_GL_SWITCHES];
     scatteri_gl_byte mask[SCATTERI_GL_MOST_BUFFERS][4];
 } scatteri_gl_state;
 
@@ -2982,10 +2983,10 @@ static void scatteri_gl_save_output(const scatter_gl *f, scatteri_gl_state *s)
     int i;
     for (i = 0; i < buffers; i++) {
         if (buffers > 1) {
-            s->blend[i] = gl->IsEnabledi(SCATTERI_GL_BLEND, (unsigned)i);
+            s->blends[i] = gl->IsEnabledi(SCATTERI_GL_BLEND, (unsigned)i);
             gl->GetBooleani_v(SCATTERI_GL_COLOR_WRITEMASK, (unsigned)i, s->mask[i]);
         } else {
-            s->blend[i] = gl->IsEnabled(SCATTERI_GL_BLEND);
+            s->blends[i] = gl->IsEnabled(SCATTERI_GL_BLEND);
             gl->GetBooleanv(SCATTERI_GL_COLOR_WRITEMASK, s->mask[i]);
         }
     }
@@ -3043,10 +3044,10 @@ static void scatteri_gl_restore_output(const scatter_gl *f, const scatteri_gl_st
         const scatteri_gl_byte *m = s->mask[i];
         if (buffers > 1) {
             gl->ColorMaski((unsigned)i, m[0], m[1], m[2], m[3]);
-            (s->blend[i] ? gl->Enablei : gl->Disablei)(SCATTERI_GL_BLEND, (unsigned)i);
+            (s->blends[i] ? gl->Enablei : gl->Disablei)(SCATTERI_GL_BLEND, (unsigned)i);
         } else {
             gl->ColorMask(m[0], m[1], m[2], m[3]);
-            scatteri_gl_switch(f, SCATTERI_GL_BLEND, s->blend[i]);
+            scatteri_gl_switch(f, SCATTERI_GL_BLEND, s->blends[i]);
         }
     }
     scatteri_gl_restore_blending(f, s);
