@@ -174,6 +174,18 @@ SCATTER_API scatter_gl_stats scatter_gl_get_stats(const scatter_gl *fog);
 
 /* The GLSL text of a chapter, with static lifetime; NULL if there is no chapter of that name. */
 SCATTER_API const char *scatter_gl_glsl(const char *chapter);
+/* A whole shader, as the passes compile it.
+   version: what follows #version: "330 core", "300 es"...
+   pass: one of scatter_gl_pass_name for its fragment shader, with ":vertex" behind it for its vertex shader.
+   features: some of scatter_gl_feature_name with blanks between them, "" for none; those that the pass does not depend
+   on are left out. A number 1..8 among them: layers that the pass fills at once.
+   Writes at most `room` bytes to `text` (may be NULL if room is 0), the last of them 0. Returns the length of the whole
+   text without that 0; 0: no such pass or feature. Needs no context. */
+SCATTER_API size_t scatter_gl_shader(const char *version, const char *pass, const char *features,
+                                     char *text, size_t room);
+/* Names by index 0, 1...; NULL behind the last. */
+SCATTER_API const char *scatter_gl_pass_name(int index);
+SCATTER_API const char *scatter_gl_feature_name(int index);
 
 #ifdef __cplusplus
 }
@@ -5216,6 +5228,83 @@ SCATTER_API const char *scatter_gl_glsl(const char *chapter)
         if (strcmp(scatteri_gl_chapters[i].name, chapter) == 0)
             return scatteri_gl_chapters[i].text;
     return NULL;
+}
+
+SCATTER_API const char *scatter_gl_pass_name(int index)
+{
+    return index >= 0 && index < (int)SCATTERI_GL_PASSES ? scatteri_gl_passes[index].name : NULL;
+}
+
+SCATTER_API const char *scatter_gl_feature_name(int index)
+{
+    return index >= 0 && index < (int)SCATTERI_GL_FEATURE_COUNT ? scatteri_gl_feature_names[index]
+                                                                : NULL;
+}
+
+/* The pass whose name is the first `length` characters, or -1. */
+static int scatteri_gl_find_pass(const char *name, size_t length)
+{
+    int i;
+    for (i = 0; i < (int)SCATTERI_GL_PASSES; i++)
+        if (strlen(scatteri_gl_passes[i].name) == length &&
+            strncmp(scatteri_gl_passes[i].name, name, length) == 0)
+            return i;
+    return -1;
+}
+
+/* Adds a feature, or sets the number of layers; 0 if the word is neither. */
+static int scatteri_gl_add_word(scatteri_gl_key *key, const char *word)
+{
+    int i;
+    if (word[0] >= '1' && word[0] <= '0' + (int)SCATTERI_GL_SLICES && word[1] == 0) {
+        key->slices = word[0] - '0';
+        return 1;
+    }
+    for (i = 0; i < (int)SCATTERI_GL_FEATURE_COUNT; i++)
+        if (strcmp(word, scatteri_gl_feature_names[i]) == 0) {
+            key->features |= 1u << i;
+            return 1;
+        }
+    return 0;
+}
+
+static size_t scatteri_gl_join(const scatteri_gl_source *source, char *text, size_t room)
+{
+    size_t used = 0;
+    int i;
+    for (i = 0; i < source->count; i++) {
+        const char *c;
+        for (c = source->parts[i]; *c != 0; c++, used++)
+            if (used + 1 < room)
+                text[used] = *c;
+    }
+    if (room > 0)
+        text[used < room ? used : room - 1] = 0;
+    return used;
+}
+
+SCATTER_API size_t scatter_gl_shader(const char *version, const char *pass, const char *features,
+                                     char *text, size_t room)
+{
+    const size_t length = strcspn(pass, ":");
+    const int vertex = strcmp(pass + length, ":vertex") == 0;
+    scatteri_gl_source source;
+    scatteri_gl_key key;
+    char word[32];
+    key.pass = scatteri_gl_find_pass(pass, length);
+    key.features = 0;
+    key.slices = 1;
+    if (key.pass < 0 || (pass[length] != 0 && !vertex))
+        return 0;
+    while ((features = scatteri_gl_next_word(features, word, sizeof word)) != NULL)
+        if (!scatteri_gl_add_word(&key, word))
+            return 0;
+    key.features &= scatteri_gl_passes[key.pass].knows;
+    scatteri_gl_assemble(version, key,
+                         vertex ? scatteri_gl_passes[key.pass].vertex
+                                : scatteri_gl_passes[key.pass].fragment,
+                         &source);
+    return scatteri_gl_join(&source, text, room);
 }
 
 #endif /* SCATTER_IMPLEMENTATION */

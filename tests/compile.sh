@@ -294,7 +294,7 @@ GLSL_VERSIONS="130 150 330 410 450 300es 310es"
 is_current() { "$OUT/gcc/glsl" "$1" scatter_gl.h --check; }
 accept_shader() { glslangValidator -S frag "$1"; }
 
-title_glsl="GLSL: the shared region is up to date and accepted by glslangValidator"
+title_glsl="GLSL: the shared region is up to date, it and all shaders are accepted by glslangValidator"
 step_glsl() {
     local version shader
     make BUILD=$OUT/gcc CC=gcc $OUT/gcc/glsl >/dev/null
@@ -309,6 +309,22 @@ step_glsl() {
         refuse "GLSL $version: a wrong type" 'wrong operand types' \
             accept_shader "$PLANTED/core.frag"
     done
+    check "all shaders, five versions" accept_shaders .
+    plant shaders '/* planted below */'
+    mkdir -p "$PLANTED/shaders/examples"
+    cp examples/dump_shaders.c "$PLANTED/shaders/examples"
+    sed -i '/^static const char scatteri_gl_density\[\] =/a "float planted(float x) { return x + true; }\\n"' \
+        "$PLANTED/shaders/scatter_gl.h"
+    refuse "a wrong type in a chapter" 'wrong operand types' accept_shaders "$PLANTED/shaders"
+}
+
+# accept_shaders DIR: every shader that examples/dump_shaders.c there writes.
+accept_shaders() {
+    local shaders=$1/build/test/shaders
+    rm -rf "$shaders"
+    mkdir -p "$shaders"
+    gcc -std=c99 -O1 "$1/examples/dump_shaders.c" -o "$shaders.program" -lm &&
+        "$shaders.program" "$shaders" && glslangValidator "$shaders"/*
 }
 
 # ------------------------------------------------------------------------------------ README
