@@ -69,13 +69,9 @@ static void keep_claims(report *r)
 
 int main(int argc, char **argv)
 {
-    static const program bench = {benchmarks,
-                                  sizeof benchmarks / sizeof benchmarks[0],
-                                  "build/bench",
-                                  "docs/report.md",
-                                  "docs/charts",
-                                  "charts",
-                                  describe_times,
-                                  keep_claims};
+    static const program bench = {benchmarks,     sizeof benchmarks / sizeof benchmarks[0],
+                                  "build/bench",  "docs/report.md",
+                                  "docs/charts",  "charts",
+                                  describe_times, keep_claims};
     return program_run(&bench, argc, argv);
 }

@@ -86,7 +86,6 @@ static void describe_processor(report *r)
         BENCH_FLAGS);
 }
 
-
 /* Takes the level away from the front of the arguments. */
 static int read_level(int argc, char **argv)
 {
