@@ -1728,6 +1728,15 @@ static const char scatteri_gl_ends[] =
 
 /* Shadow maps of the host. */
 static const char scatteri_gl_shadow_maps[] =
+    "#if defined(SCATTERI_SHADOW_2D_0) || defined(SCATTERI_SHADOW_2D_1) || defined(SCATTERI_SHADOW_2D_2) || defined(SCATTERI_SHADOW_2D_3)\n"
+    "#define SCATTERI_SHADOWS\n"
+    "#endif\n"
+    "#if defined(SCATTERI_SHADOW_ARRAY_0) || defined(SCATTERI_SHADOW_ARRAY_1) || defined(SCATTERI_SHADOW_ARRAY_2) || defined(SCATTERI_SHADOW_ARRAY_3)\n"
+    "#define SCATTERI_SHADOWS\n"
+    "#endif\n"
+    "#if defined(SCATTERI_SHADOW_CUBE_0) || defined(SCATTERI_SHADOW_CUBE_1) || defined(SCATTERI_SHADOW_CUBE_2) || defined(SCATTERI_SHADOW_CUBE_3)\n"
+    "#define SCATTERI_SHADOWS\n"
+    "#endif\n"
     "#ifdef SCATTERI_SHADOWS\n"
     "#ifdef SCATTERI_SHADOW_2D_0\n"
     "uniform highp sampler2D scatteri_shadow0;\n"
@@ -2564,8 +2573,7 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
     F(POLAR)       /* from columns around the lights */ \
     F(EYE)         /* depth to the eye from cells, too */ \
     F(MARCH)       /* uniform steps */ \
-    F(SHADOWS)     /* some light has a shadow map */ \
-    F(SHADOW_2D_0) F(SHADOW_ARRAY_0) F(SHADOW_CUBE_0) \
+    F(SHADOW_2D_0) /* a light has a shadow map */ F(SHADOW_ARRAY_0) F(SHADOW_CUBE_0) \
     F(SHADOW_2D_1) F(SHADOW_ARRAY_1) F(SHADOW_CUBE_1) \
     F(SHADOW_2D_2) F(SHADOW_ARRAY_2) F(SHADOW_CUBE_2) \
     F(SHADOW_2D_3) F(SHADOW_ARRAY_3) F(SHADOW_CUBE_3) \
@@ -3779,9 +3787,8 @@ static unsigned scatteri_gl_lamp_features(const scatteri_gl_lamp *lamp, int chan
                                      SCATTERI_GL_HAS_DIRECTIONAL};
     unsigned features = kinds[lamp->desc.light.kind];
     if (lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE)
-        features |= SCATTERI_GL_HAS_SHADOWS |
-                    (unsigned)SCATTERI_GL_HAS_SHADOW_2D_0
-                        << (3 * channel + (int)lamp->desc.shadow.kind - 1);
+        features |= (unsigned)SCATTERI_GL_HAS_SHADOW_2D_0
+                    << (3 * channel + (int)lamp->desc.shadow.kind - 1);
     return features;
 }
 
