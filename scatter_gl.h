@@ -1,34 +1,79 @@
-/* scatter_gl.h - the shared formulas of scatter.h as GLSL text. MIT licence, see LICENSE.
+/* scatter_gl.h - the fog of scatter.h in any OpenGL program. MIT licence, see LICENSE.
 
    Do this in ONE C or C++ file, and include the header plainly everywhere else:
 
        #define SCATTER_IMPLEMENTATION
-       #include "scatter_gl.h"                     // includes scatter.h
+       #include "scatter_gl.h"                                       // includes scatter.h
 
-   and put the chapters that a shader needs between its #version line and its own code:
+   Once, with a GL context current:
 
-       const char *source[] = {"#version 330\n", scatter_gl_glsl("prelude"),
-                               scatter_gl_glsl("vector"), scatter_gl_glsl("phase"), my_shader};
+       scatter_gl_desc desc = {0};
+       desc.get_proc_address = glfwGetProcAddress;                   // or what finds GL functions for you
+       scatter_gl *fog;
+       scatter_gl_create(&desc, &fog);
+
+   When media or lights change, then every frame, behind your opaque things and in front of transparent ones:
+
+       scatter_gl_set_medium(fog, &medium);                          // scatter_medium, see scatter.h
+       scatter_gl_set_lights(fog, lights, count);                    // scatter_gl_light: a light, perhaps a shadow map
+       scatter_gl_update(fog, NULL, NULL);                           // fills volumes, only where something changed
+       scatter_gl_view view = {0};
+       view.view = &camera[0][0];  view.projection = &projection[0][0];
+       view.framebuffer = hdr;     view.depth_texture = depth;       // your picture, linear; your depth buffer
+       view.width = width;         view.height = height;
+       scatter_gl_draw(fog, &view);                                  // L + T scene
 
    What it does
-   - Hands out the core of scatter.h (phase functions, erf, depth of Gaussians and height fog,
-     quadrature nodes, octahedral map, tone curve) as text that GLSL 130 to 450 and GLSL ES 300 and
-     310 accept: one text for both languages, so that shaders and the CPU compute the same formulas.
-   What it does not do (yet): touch OpenGL. There are no passes, textures or programs here.
+   - Everything that scatter.h does with media, lights and phase functions, by the same formulas: their text is shared.
+   - Point, spot and directional lights, any number, four to a pass; shadowed by the medium and by your shadow maps.
+   - Ends rays at your depth buffer; any projection; half and quarter resolution; multisampled targets.
+   - Gives your own shaders the light that arrives on a surface through the medium, and fogs transparent things.
+   - Leaves your GL state as it was.
+   What it does not do: noise, history, a camera of its own. Nothing moves between frames unless you move it.
 
-   Chapters, in the order in which they may be joined:
-     prelude     what the others need from GLSL; always first
-     vector      add, scale, dot, cross, length, normalize
-     erf         exp(-x^2), erfc(x) exp(x^2), erf
-     span        differences of erf without cancellation                (erf)
-     quick       erf for inner loops
-     integrals   optical depth of a Gaussian and of height fog          (span)
-     phase       Henyey-Greenstein, Rayleigh, Draine                    (vector)
-     droplets    water droplets by diameter                             (phase)
-     maps        asinh, sinh, cosh, smoothstep, spot, trilinear
-     quadrature  Gauss-Legendre nodes
-     octahedron  directions to a square and back                        (vector)
-     tone        luminance, Reinhard's curve
+   OpenGL, GLSL and what they need
+     OpenGL 3.3 .. 4.6 core or compatibility   GLSL 330, 410, 450
+     OpenGL ES 3.0 .. 3.2, WebGL 2             GLSL 300 es, 310 es; EXT_color_buffer_float, without it: depth in
+                                               closed form and full resolution only, no grids, no froxels.
+                                               OES_texture_float_linear and EXT_float_blend: without them volumes
+                                               have 16 bits, and cells gather instead of being splatted into
+   Timer queries: OpenGL only.
+
+   GL state that is touched, saved before each call and restored behind it (unless desc.keep_state):
+     program, vertex array, draw framebuffer; viewport 0, scissor test 0; blending, its functions and equations, colour
+     masks of all draw buffers; depth, stencil, culling, rasterizer discard, alpha to coverage and to one, sample
+     coverage and mask, logic operation, polygon smoothing and mode, point size by program, clip distances (all off in
+     between); texture units 0..10: 2D, 3D, 2D array and cube bindings and samplers; active unit; uniform buffer
+     bindings 0..2 and the general one; pixel unpack buffer and storage.
+     Nothing is cached from call to call, and glGetError is never called. Not touched: read framebuffer, array and
+     element buffers, renderbuffers, pack state, queries, transform feedback (it must not be active).
+     scatter_gl_bind_surface is there to change your state: it says what it leaves.
+     With several draw buffers on OpenGL ES 3.0 your framebuffer must have one colour attachment.
+
+   Conventions: those of scatter.h. Matrices are column-major, clip = projection view world; view right-handed or not.
+   Positions are kept relative to the middle of the medium, so that a scene may lie far from the origin; matrices of
+   floats are then the limit.
+   Fog lies in front of everything between the eye (not the near plane) and the depth buffer's surface.
+   Of a multisampled target, the fog of a pixel is the same in all its samples: give a resolved depth texture.
+
+   Step by step
+   1. scatter_gl_create, once for each context. scatter_gl_warm_up compiles ahead of the first frame, if you like.
+   2. scatter_gl_set_medium, scatter_gl_set_lights: copied. Setting the same again costs a comparison.
+   3. scatter_gl_update: quality as in scatter.h. auto depth is the closed volume for up to 64 Gaussians, polar for more
+      and for grids; auto density is exact up to 64 Gaussians and one grid, else a volume. eq6, short and march are for
+      the CPU.
+   4. scatter_gl_draw, as often as you have views: two for stereo.
+   5. Surfaces: put scatter_gl_surface_glsl(fog) behind the #version line of your shaders, multiply each light with
+      scatter_light_transmittance(i, world), call scatter_gl_bind_surface before drawing. When that text changes (the
+      pointer does), compile again: it depends on the kinds of terms of the medium and on quality.depth.
+   6. Transparent things: scatter_gl_fill_froxels, and scatter_fog(color, world) in the same shaders.
+
+   Errors: results and log as in scatter.h; SCATTER_UNSUPPORTED where the context lacks something. A shader that does not
+   compile is logged whole, with numbered lines. Accuracy is measured in docs/accuracy.md and docs/report_gl.md.
+   Volumes of 16 bits (desc.half_float): depth errs by up to 2^-11 of itself more.
+   Memory: host.allocate only in create, warm_up, surface_glsl, and where programs or grids become more; textures are
+   made when limits, quality or sizes grow. A frame after the first like it allocates, compiles and creates nothing.
+   Threads: as OpenGL: the thread whose context is current.
 */
 #ifndef SCATTER_GL_H
 #define SCATTER_GL_H
@@ -3716,6 +3761,20 @@ static scatter_result scatteri_gl_sweep(scatter_gl *f, const scatteri_gl_texture
 
 static unsigned scatteri_gl_medium_features(const scatter_gl *f);
 
+/* Gaussians up to which columns take them one by one, wherever density comes from: most are found not to reach a column
+   by one comparison. */
+enum { SCATTERI_GL_MANY = 256 };
+
+/* What columns sum up: Gaussians in closed form, or the field that holds them. */
+static unsigned scatteri_gl_column_features(const scatter_gl *f)
+{
+    const scatteri_medium *m = &f->medium;
+    const unsigned features = scatteri_gl_medium_features(f);
+    if (m->desc.grid_count > 0 || m->gaussians.count > (int)SCATTERI_GL_MANY)
+        return features;
+    return (features | (unsigned)SCATTERI_GL_HAS_GAUSSIANS) & ~(unsigned)SCATTERI_GL_HAS_FIELD;
+}
+
 /* Fills f->volumes[batch] with the depth of its sources, whose block was sent. */
 static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch)
 {
@@ -3725,7 +3784,7 @@ static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch)
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_GAUSSIANS, &f->gaussians);
     scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_FIELD, f->density);
     if (f->quality.depth == SCATTER_DEPTH_POLAR)
-        return scatteri_gl_sum_columns(f, volume, features);
+        return scatteri_gl_sum_columns(f, volume, scatteri_gl_column_features(f));
     if (f->quality.depth == SCATTER_DEPTH_UPWIND)
         return scatteri_gl_sweep(f, volume);
     return scatteri_gl_run_pass(f, SCATTERI_GL_PASS_CLOSED, features, volume, 0);
