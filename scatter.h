@@ -2701,6 +2701,9 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
                                 scatteri_shadows *shadows)
 {
     const scatteri_rays row = scatteri_row(d, j, k);
+    /* The depth of a shorter segment is the rounding of two erfs. */
+    const float near =
+        0.01f * scatteri_min(d->cell.x, scatteri_min(d->cell.y, d->cell.z));
     float depth[SCATTERI_POINTS];
     int start, i;
     scatteri_begin_shadows(shadows, d->medium, &d->source, &row, 0.0f);
@@ -2718,7 +2721,7 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
         scatteri_face_source(&d->source, &d->medium->desc, count, p);
         scatteri_add_shadows(shadows, &row, count, p->x, p, depth);
         for (i = 0; i < left; i++)
-            out[i] = p->distance[i] > 0.0f
+            out[i] = p->distance[i] > near
                          ? scatteri_stored(d, scatteri_max(depth[i], 0.0f), p->distance[i])
                          : d->at_source;
     }
@@ -2863,8 +2866,10 @@ static float scatteri_eq6(const scatter_depth *d, const scatteri_cell_view *c)
     float weights = 0.0f, sum = 0.0f;
     int axis;
     for (axis = 0; axis < 3; axis++) {
-        const float w = c->back[axis] != 0 ? scatteri_abs(scatteri_get(c->u, axis)) : 0.0f;
+        const float w = scatteri_abs(scatteri_get(c->u, axis));
         int from[3];
+        if (c->back[axis] == 0) /* what is in memory there was not written yet */
+            continue;
         memcpy(from, c->at, sizeof from);
         from[axis] += c->back[axis];
         weights += w;
@@ -2879,10 +2884,10 @@ static float scatteri_upwind(const scatter_depth *d, const scatteri_cell_view *c
     float weights = 0.0f, sum = scatteri_injected_at(d, c->at);
     int axis;
     for (axis = 0; axis < 3; axis++) {
-        const float w = c->back[axis] != 0
-                            ? scatteri_abs(scatteri_get(c->u, axis)) / scatteri_get(d->cell, axis)
-                            : 0.0f;
+        const float w = scatteri_abs(scatteri_get(c->u, axis)) / scatteri_get(d->cell, axis);
         int from[3];
+        if (c->back[axis] == 0)
+            continue;
         memcpy(from, c->at, sizeof from);
         from[axis] += c->back[axis];
         weights += w;

@@ -577,6 +577,60 @@ static void test_columns(void **state) {
     assert_at_least(wide, 0.8);
 }
 
+/* A source within rounding of the centre of a cell: its mean density is the density there, not the
+   rounding of a depth over a distance that is nearly 0. */
+static void test_source_nearly_on_cell(void **state) {
+    scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED_VOLUME, 24);
+    check_world w;
+    const scatter_medium *m = open_cloud(&w, 3);
+    int i;
+    (void)state;
+    for (i = 0; i < 4; i++) {
+        float c = 12.5f / 24 + 1e-7f * (float)(i * i * i);
+        scatter_source source = point_source(c, c, c);
+        scatter_depth *d = NULL;
+        assert_int_equal(scatter_depth_create(NULL, &d), SCATTER_OK);
+        assert_int_equal(scatter_depth_update(d, m, &source, &q), SCATTER_OK);
+        assert_at_most(fabs((double)(d->values[(12 * 24 + 12) * 24 + 12] / d->at_source) - 1), 1e-3);
+        scatter_depth_destroy(d);
+    }
+}
+
+static void *allocate_nan(void *user, size_t bytes) {
+    void *memory = malloc(bytes);
+    (void)user;
+    return memory ? memset(memory, 0xff, bytes) : NULL;
+}
+
+static void release_nan(void *user, void *memory) {
+    (void)user;
+    free(memory);
+}
+
+/* Values that were not written yet are NaN here, and must not be read. */
+static void test_unwritten_memory(void **state) {
+    scatter_host host;
+    check_world w;
+    const scatter_medium *m = open_cloud(&w, 3);
+    size_t i, inside;
+    (void)state;
+    memset(&host, 0, sizeof host);
+    host.allocate = allocate_nan;
+    host.release = release_nan;
+    for (i = 0; i < CHECK_COUNT(methods); i++)
+        for (inside = 0; inside < 2; inside++) {
+            scatter_quality q = quality_of(methods[i].id, 12);
+            scatter_source source = point_source(0.4f, 0.6f, inside ? 0.3f : 1.7f);
+            scatter_depth *d = NULL;
+            size_t cell;
+            assert_int_equal(scatter_depth_create(&host, &d), SCATTER_OK);
+            assert_int_equal(scatter_depth_update(d, m, &source, &q), SCATTER_OK);
+            for (cell = 0; d->values && cell < (size_t)(d->nx * d->ny * d->nz); cell++)
+                assert_true(d->values[cell] == d->values[cell]);
+            scatter_depth_destroy(d);
+        }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_orders_light_inside),
@@ -600,6 +654,8 @@ int main(void) {
         cmocka_unit_test(test_voxels),
         cmocka_unit_test(test_update_copies),
         cmocka_unit_test(test_columns),
+        cmocka_unit_test(test_source_nearly_on_cell),
+        cmocka_unit_test(test_unwritten_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
