@@ -244,7 +244,7 @@ SCATTER_API const char *scatter_gl_feature_name(int index);
    Types, names and functions of OpenGL that are used, so that no GL header is needed and no name of the host's
    loader is touched. */
 
-#if defined(_WIN32) && !defined(_WIN64)
+#if defined(_WIN32) /* where it means something on 32 bits only */
 #define SCATTERI_GL_CALL __stdcall
 #else
 #define SCATTERI_GL_CALL
@@ -516,8 +516,8 @@ enum {
     V(weight)       /* w at x, y, z, 1 */ \
     V(range)        /* t = (range.x z + range.y) |direction| / w; z = range.z depth + range.w */ \
     V(window)       /* x, y of the corner, 2/width, 2/height */ \
-    V(picture)      /* clear depth, divide, 1 if there is a depth texture, light to be shown */ \
-    V(show)         /* one of scatter_gl_show */ \
+    V(picture)      /* clear depth, divide, 1 if there is a depth texture, channel to be shown or -1 */ \
+    V(show)         /* one of scatter_gl_show, its light */ \
     V(froxels)      /* nx, ny, nz, log(far / near) */ \
     V(froxel_range) /* near, far */
 
@@ -525,7 +525,7 @@ enum {
 #define SCATTERI_GL_SURFACE_BLOCK(V, A) \
     V(surface_batch) /* lights to a batch, 1: the eye is in channel 0 */ \
     V(surface_ref) \
-    V(surface_range) /* near, log(far / near), middle of the first slice */ \
+    V(surface_range) /* near, log(far / near), middle of the first slice and of the last */ \
     V(froxel_eye)    /* w: 1 if perspective */ \
     V(froxel_x) \
     V(froxel_y) \
@@ -2479,7 +2479,22 @@ static const char scatteri_gl_surface[] =
     "    float near = scatteri_surface_range.x, slices = log(max(t, near) / near) / scatteri_surface_range.y;\n"
     "    vec4 fog = textureLod(scatteri_froxel_volume, vec3(at, slices), 0.0);\n"
     "    fog *= clamp(t / scatteri_surface_range.z, 0.0, 1.0); /* in front of the first slice's middle */\n"
-    "    return vec4(premultiplied.xyz * exp(-scatteri_extinction.xyz * fog.w) + premultiplied.w * fog.xyz,\n"
+    "    vec3 through = exp(-scatteri_extinction.xyz * fog.w);\n"
+    "#ifdef SCATTERI_FOG\n"
+    /* Behind the last slice constant and height fog go on, as bright as in that slice. */
+    "    float far = scatteri_surface_range.w;\n"
+    "    if (t > far) {\n"
+    "        vec3 d = (x.xyz - scatteri_froxel_eye.xyz) / t;\n"
+    "        float before = 1.0 - 1.5 / vec3(textureSize(scatteri_froxel_volume, 0)).z;\n"
+    "        vec4 last = textureLod(scatteri_froxel_volume, vec3(at, before), 0.0);\n"
+    "        vec3 gone = max(exp(-scatteri_extinction.xyz * last.w) - through, 1.0e-6);\n"
+    "        vec3 rest = exp(-scatteri_extinction.xyz *\n"
+    "                        scatteri_fog_depth(x.xyz - (t - far) * d, d, t - far));\n"
+    "        fog.xyz += max(fog.xyz - last.xyz, 0.0) / gone * through * (1.0 - rest);\n"
+    "        through *= rest;\n"
+    "    }\n"
+    "#endif\n"
+    "    return vec4(premultiplied.xyz * through + premultiplied.w * fog.xyz,\n"
     "                premultiplied.w);\n"
     "}\n";
 
@@ -2545,7 +2560,11 @@ static const char scatteri_gl_view[] =
     "        scatteri_look(0.5 * scatteri_nodes.y);\n"
     "        shown = abs(sum - scatteri_sum);\n"
     "    }\n"
+    "#ifdef SCATTERI_MORE\n"
+    "    scatteri_color = show == 1 || show == 3 ? vec4(0.0) : vec4(shown, 0.0);\n"
+    "#else\n"
     "    scatteri_color = vec4(shown, 1.0);\n"
+    "#endif\n"
     "#endif\n"
     "}\n";
 
@@ -4299,8 +4318,8 @@ static void scatteri_gl_send_view(scatter_gl *f, const scatter_gl_view *v, int d
     scatteri_gl_put(b->window, (float)v->x, (float)v->y, 2.0f / (float)v->width,
                     2.0f / (float)v->height);
     scatteri_gl_put(b->picture, v->reversed ? 0.0f : 1.0f, (float)divide,
-                    v->depth_texture != 0 ? 1.0f : 0.0f, (float)v->show_light);
-    scatteri_gl_put(b->show, (float)v->show, 0.0f, 0.0f, 0.0f);
+                    v->depth_texture != 0 ? 1.0f : 0.0f, -1.0f);
+    scatteri_gl_put(b->show, (float)v->show, (float)v->show_light, 0.0f, 0.0f);
     scatteri_gl_send(f, f->view_buffer, b, sizeof *b);
 }
 
@@ -4343,6 +4362,15 @@ static scatter_result scatteri_gl_draw_transmittance(scatter_gl *f, unsigned fea
     return SCATTER_OK;
 }
 
+/* The light to be shown as a channel of this batch, or of none. */
+static void scatteri_gl_show_light_of(scatter_gl *f, int batch)
+{
+    const int per_batch = scatteri_gl_lights_per_batch(f), light = (int)f->view_block.show[1];
+    const int here = light / per_batch == batch && light < f->lamp_count;
+    f->view_block.picture[3] = here ? (float)(light % per_batch + f->has_eye) : -1.0f;
+    scatteri_gl_send(f, f->view_buffer, &f->view_block, sizeof f->view_block);
+}
+
 /* Draws L and 1 - T of the rays: added to, over or in the place of what is there. The lights of further batches are
    added. */
 static scatter_result scatteri_gl_draw_radiance(scatter_gl *f, unsigned features, int over,
@@ -4357,6 +4385,8 @@ static scatter_result scatteri_gl_draw_radiance(scatter_gl *f, unsigned features
     for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
         const unsigned more = batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u;
         scatteri_gl_bind_batch(f, batch);
+        if ((features & SCATTERI_GL_HAS_SHOW) != 0)
+            scatteri_gl_show_light_of(f, batch);
         result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
                                  features | scatteri_gl_batch_features(f, batch) | more, 1,
                                  &program);
@@ -4670,7 +4700,8 @@ static void scatteri_gl_remember_froxels(scatter_gl *f, const scatter_gl_view *v
     scatteri_gl_put(s->froxel_eye, b->eye[0], b->eye[1], b->eye[2], (float)perspective);
     scatteri_gl_put3(s->froxel_t, n, -(n.x * b->eye[0] + n.y * b->eye[1] + n.z * b->eye[2]));
     scatteri_gl_put(s->surface_range, b->froxel_range[0], b->froxels[3],
-                    b->froxel_range[0] * scatteri_exp(0.5f * b->froxels[3] / b->froxels[2]), 0.0f);
+                    b->froxel_range[0] * scatteri_exp(0.5f * b->froxels[3] / b->froxels[2]),
+                    b->froxel_range[1] * scatteri_exp(-0.5f * b->froxels[3] / b->froxels[2]));
 }
 
 SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *f, const scatter_gl_view *v,

@@ -256,7 +256,7 @@ symbol_faults() {
 }
 
 # Names of this shape that compilers offer to programs. No program may make new ones.
-MACHINE_NAMES='__x86_64__|__i386__|__ELF__|__linux__|__gnu_linux__|__GLIBC__|_WIN32'
+MACHINE_NAMES='__x86_64__|__i386__|__ELF__|__linux__|__gnu_linux__|__GLIBC__|_WIN32|__stdcall'
 COMPILER_NAMES='__cplusplus|__STDC_VERSION__|__GNUC__|__GNUC_MINOR__|__clang__|__clang_major__'
 COMPILER_NAMES="$COMPILER_NAMES|__TINYC__|_MSC_VER|__SANITIZE_ADDRESS__|__SANITIZE_THREAD__"
 EXTENSION_NAMES='__attribute__|__inline|__inline__|__restrict|__has_attribute|__has_feature'
