@@ -24,7 +24,8 @@ typedef struct gl_run {
     char name[64];
 } gl_run;
 
-static inline void gl_rig_run(void **state) {
+static inline void gl_rig_run(void **state)
+{
     const gl_run *run = (const gl_run *)*state;
     gl_rig *rig = (gl_rig *)calloc(1, sizeof *rig);
     assert_true(rig != NULL);
@@ -36,11 +37,13 @@ static inline void gl_rig_run(void **state) {
     }
     gl_host_open(&rig->host, rig->context.get_proc_address);
     run->what.run(rig);
+    gl_host_rest(&rig->host);
     gl_context_close(&rig->context);
     free(rig);
 }
 
-static inline int gl_rig_run_all(const gl_case *cases, size_t count) {
+static inline int gl_rig_run_all(const gl_case *cases, size_t count)
+{
     static const char *const apis[] = {"gl33", "gl45", "es30", "osmesa"};
     static gl_run runs[64];
     static struct CMUnitTest tests[64];
@@ -58,12 +61,14 @@ static inline int gl_rig_run_all(const gl_case *cases, size_t count) {
 }
 
 /* 1 where everything is as `before` has it, and no error is pending. */
-static inline int gl_rig_kept(gl_rig *rig, const char *what) {
+static inline int gl_rig_kept(gl_rig *rig, const char *what)
+{
     gl_state_take(&rig->host.gl, &rig->host.objects, &rig->after);
     return gl_state_same(&rig->before, &rig->after, what);
 }
 
-static inline void gl_rig_mark(gl_rig *rig) {
+static inline void gl_rig_mark(gl_rig *rig)
+{
     gl_state_take(&rig->host.gl, &rig->host.objects, &rig->before);
 }
 

@@ -20,7 +20,8 @@
 /* -------------------------------------------------- >>the measuring */
 
 /* Reading the state changes nothing, and every value can be asked for in this version. */
-static void test_reading(gl_rig *rig) {
+static void test_reading(gl_rig *rig)
+{
     uint64_t seed;
     for (seed = 0; seed <= SEEDS; seed++) {
         if (seed)
@@ -32,7 +33,8 @@ static void test_reading(gl_rig *rig) {
 }
 
 /* Whether an item of that name, or of any if NULL, differs between the two. */
-static int differs(const gl_rig *rig, const char *name) {
+static int differs(const gl_rig *rig, const char *name)
+{
     int i = gl_state_difference(&rig->before, &rig->after, 0);
     while (i >= 0 && name && strcmp(rig->before.item[i].name, name) != 0)
         i = gl_state_difference(&rig->before, &rig->after, (size_t)i + 1);
@@ -40,7 +42,8 @@ static int differs(const gl_rig *rig, const char *name) {
 }
 
 /* How many of the names have an item that `reached` marks. */
-static int is_reached(const gl_rig *rig, const unsigned char *reached, const char *name) {
+static int is_reached(const gl_rig *rig, const unsigned char *reached, const char *name)
+{
     size_t i;
     for (i = 0; i < rig->before.count; i++)
         if (reached[i] && strcmp(rig->before.item[i].name, name) == 0)
@@ -49,12 +52,20 @@ static int is_reached(const gl_rig *rig, const unsigned char *reached, const cha
 }
 
 /* These stay: they are not settings, or a value has no room for another one. */
-static int is_fixed(const char *name) {
-    static const char *const fixed[] = {
-        "DEBUG_GROUP_STACK_DEPTH", "PRIMITIVE_BOUNDING_BOX", "SAMPLES_PASSED",
-        "ANY_SAMPLES_PASSED_CONSERVATIVE", "PRIMITIVES_GENERATED", "BUFFER_CONTENTS", "EXISTS",
-        "FRAMEBUFFER_ATTACHMENT", "TEXTURE_BORDER_COLOR", "TEXTURE_BASE_LEVEL", "IMAGE_BINDING_LEVEL",
-        "POLYGON_OFFSET_CLAMP"};
+static int is_fixed(const char *name)
+{
+    static const char *const fixed[] = {"DEBUG_GROUP_STACK_DEPTH",
+                                        "PRIMITIVE_BOUNDING_BOX",
+                                        "SAMPLES_PASSED",
+                                        "ANY_SAMPLES_PASSED_CONSERVATIVE",
+                                        "PRIMITIVES_GENERATED",
+                                        "BUFFER_CONTENTS",
+                                        "EXISTS",
+                                        "FRAMEBUFFER_ATTACHMENT",
+                                        "TEXTURE_BORDER_COLOR",
+                                        "TEXTURE_BASE_LEVEL",
+                                        "IMAGE_BINDING_LEVEL",
+                                        "POLYGON_OFFSET_CLAMP"};
     size_t i;
     for (i = 0; i < CHECK_COUNT(fixed); i++)
         if (strcmp(name, fixed[i]) == 0)
@@ -63,7 +74,8 @@ static int is_fixed(const char *name) {
 }
 
 /* The random state differs from the one that OpenGL begins with in every setting there is. */
-static void test_randomizing(gl_rig *rig) {
+static void test_randomizing(gl_rig *rig)
+{
     static unsigned char reached[GL_STATE_ROOM];
     uint64_t seed;
     size_t i;
@@ -89,13 +101,15 @@ static void test_randomizing(gl_rig *rig) {
 
 /* Every planted leak is seen and named, from the state that OpenGL begins with and from random
    ones. */
-static void test_leaks(gl_rig *rig) {
+static void test_leaks(gl_rig *rig)
+{
     size_t i;
     int caught = 0, missed = 0;
     for (i = 0; i < 3 * CHECK_COUNT(gl_leaks); i++) {
         const gl_leak *leak = &gl_leaks[i / 3];
         if (!gl_has(&rig->host.gl, leak->gl, leak->es))
             continue;
+        gl_host_rest(&rig->host);
         gl_context_close(&rig->context);
         assert_true(gl_context_open(&rig->context, rig->api, NULL));
         gl_host_open(&rig->host, rig->context.get_proc_address);
@@ -115,7 +129,8 @@ static void test_leaks(gl_rig *rig) {
 }
 
 /* A copy of one picture for each of many random states, most of which show something. */
-static void test_picture(gl_rig *rig) {
+static void test_picture(gl_rig *rig)
+{
     gl_picture a, b;
     uint64_t seed;
     int seen = 0, plain;
@@ -138,7 +153,8 @@ static void test_picture(gl_rig *rig) {
 
 /* ------------------------------------------------------------------ */
 
-int main(void) {
+int main(void)
+{
     static const gl_case cases[] = {
         {"reading the state changes nothing", test_reading},
         {"everything is randomized", test_randomizing},
