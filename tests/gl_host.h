@@ -811,8 +811,8 @@ typedef struct gl_picture {
     unsigned char pixel[4 * GL_HOST_SIZE * GL_HOST_SIZE];
 } gl_picture;
 
-/* Reads the host's first framebuffer, whatever the state is, and leaves the state as it was. */
-static inline void gl_host_read(gl_host *h, gl_picture *picture)
+/* Reads a framebuffer, whatever the state is, and leaves the state as it was. */
+static inline void gl_host_read(gl_host *h, GLuint framebuffer, gl_picture *picture)
 {
     static const GLenum names[] = {GL_PACK_ALIGNMENT,   GL_PACK_ROW_LENGTH, GL_PACK_SKIP_ROWS,
                                    GL_PACK_SKIP_PIXELS, GL_PACK_SWAP_BYTES, GL_PACK_LSB_FIRST};
@@ -825,7 +825,7 @@ static inline void gl_host_read(gl_host *h, gl_picture *picture)
         gl->PixelStorei(names[i], i ? 0 : 1);
     }
     gl->BindBuffer(GL_PIXEL_PACK_BUFFER, 0);
-    gl->BindFramebuffer(GL_READ_FRAMEBUFFER, h->framebuffers[0].name);
+    gl->BindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
     gl->ReadPixels(0, 0, GL_HOST_SIZE, GL_HOST_SIZE, GL_RGBA, GL_UNSIGNED_BYTE, picture->pixel);
     gl->BindFramebuffer(GL_READ_FRAMEBUFFER, (GLuint)read);
     gl->BindBuffer(GL_PIXEL_PACK_BUFFER, (GLuint)buffer);
@@ -838,7 +838,7 @@ static inline void gl_host_draw(gl_host *h, gl_picture *picture)
 {
     h->gl.Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
     h->gl.DrawArrays(GL_TRIANGLE_STRIP, 0, 4);
-    gl_host_read(h, picture);
+    gl_host_read(h, h->framebuffers[0].name, picture);
 }
 
 #endif /* GL_HOST_H */

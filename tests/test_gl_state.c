@@ -14,8 +14,9 @@
 #include "gl_host.h"
 #include "gl_leaks.h"
 #include "gl_rig.h"
+#include "gl_fog.h"
 
-#define SEEDS 8
+#define SEEDS 12
 
 /* -------------------------------------------------- >>the measuring */
 
@@ -151,6 +152,139 @@ static void test_picture(gl_rig *rig)
     assert_true(2 * seen >= SEEDS);
 }
 
+/* ------------------------------------------------------- >>the fog */
+
+/* One call from a random state. Returns whether the state is as before. */
+static int is_kept(gl_rig *rig, gl_fog *f, size_t call, uint64_t seed)
+{
+    gl_state_randomize(&rig->host, seed);
+    gl_fog_plain_maps(rig, f);
+    gl_rig_mark(rig);
+    if (gl_fog_call(f, call) != SCATTER_OK) {
+        fprintf(stderr, "%s: %s\n", gl_fog_calls[call], f->books.sentence);
+        return 0;
+    }
+    return gl_rig_kept(rig, gl_fog_calls[call]);
+}
+
+/* Every call, in the order in which a host makes them, each from another state. */
+static void test_fog_keeps_state(gl_rig *rig)
+{
+    gl_census before;
+    gl_census after;
+    gl_fog f;
+    uint64_t seed;
+    size_t call;
+    gl_fog_open(rig, &f);
+    before = gl_count_objects(&rig->host.gl);
+    for (seed = 1; seed <= SEEDS; seed++) {
+        gl_fog_random(&f, seed);
+        f.desc.timers = (int)(seed & 1);
+        f.desc.half_float = (int)(seed >> 1 & 1);
+        for (call = 0; call < CHECK_COUNT(gl_fog_calls); call++)
+            assert_true(is_kept(rig, &f, call, 100 * seed + call));
+        after = gl_count_objects(&rig->host.gl);
+        assert_int_equal(memcmp(&before, &after, sizeof before), 0);
+        assert_int_equal(f.books.live, 0);
+    }
+}
+
+/* With desc.keep_state the fog leaves what it set: the measuring sees that. */
+static void test_fog_without_saving(gl_rig *rig)
+{
+    gl_fog f;
+    gl_fog_open(rig, &f);
+    f.desc.keep_state = 1;
+    assert_int_equal(gl_fog_start(&f), SCATTER_OK);
+    gl_state_randomize(&rig->host, 3);
+    gl_rig_mark(rig);
+    assert_int_equal(gl_fog_call(&f, 6), SCATTER_OK);
+    gl_state_take(&rig->host.gl, &rig->host.objects, &rig->after);
+    assert_true(differs(rig, "CURRENT_PROGRAM") || differs(rig, "BLEND_SRC_RGB"));
+    assert_true(differs(rig, "TEXTURE_BINDING_2D"));
+    scatter_gl_destroy(f.fog);
+}
+
+/* The quad of the host looks the same before the fog and behind it. */
+static void test_picture_beside_fog(gl_rig *rig)
+{
+    gl_picture a, b;
+    gl_fog f;
+    uint64_t seed;
+    gl_fog_open(rig, &f);
+    assert_int_equal(gl_fog_start(&f), SCATTER_OK);
+    for (seed = 1; seed <= SEEDS; seed++) {
+        gl_state_randomize(&rig->host, seed);
+        gl_host_make_visible(&rig->host);
+        gl_host_draw(&rig->host, &a);
+        assert_int_equal(gl_fog_call(&f, 4), SCATTER_OK);
+        assert_int_equal(gl_fog_call(&f, 6), SCATTER_OK);
+        assert_int_equal(gl_fog_call(&f, 10), SCATTER_OK);
+        gl_host_draw(&rig->host, &b);
+        assert_int_equal(memcmp(&a, &b, sizeof a), 0);
+    }
+    scatter_gl_destroy(f.fog);
+}
+
+/* The fog over a fresh target, from a random state, or from what OpenGL begins with (seed 0). */
+static gl_picture picture_of_fog(const char *api, uint64_t seed, uint64_t scene,
+                                 scatter_gl_proc (*get)(const char *))
+{
+    gl_rig *rig = (gl_rig *)calloc(1, sizeof *rig);
+    gl_picture picture;
+    gl_fog f;
+    assert_true(gl_context_open(&rig->context, api, NULL));
+    gl_host_open(&rig->host, rig->context.get_proc_address);
+    gl_fog_open(rig, &f);
+    gl_fog_random(&f, scene);
+    if (get)
+        f.desc.get_proc_address = get;
+    if (seed) {
+        gl_state_randomize(&rig->host, seed);
+        gl_fog_plain_maps(rig, &f);
+    }
+    assert_int_equal(gl_fog_start(&f), SCATTER_OK);
+    gl_host_read(&rig->host, f.target, &picture);
+    scatter_gl_destroy(f.fog);
+    gl_host_rest(&rig->host);
+    gl_context_close(&rig->context);
+    free(rig);
+    return picture;
+}
+
+static scatter_gl_proc (*real_get)(const char *);
+
+static void APIENTRY disable_nothing(GLenum what)
+{
+    (void)what;
+}
+
+/* A context whose glDisable does nothing: a fog that forgets to switch off what it must. */
+static scatter_gl_proc careless(const char *name)
+{
+    return strcmp(name, "glDisable") == 0 ? (scatter_gl_proc)disable_nothing : real_get(name);
+}
+
+/* Nothing of the host's settings is seen in the fog. */
+static void test_fog_does_not_depend_on_state(gl_rig *rig)
+{
+    uint64_t seed;
+    int spoilt = 0;
+    real_get = rig->context.get_proc_address;
+    for (seed = 1; seed <= SEEDS; seed++) {
+        gl_picture a = picture_of_fog(rig->api, 0, seed, NULL);
+        gl_picture b = picture_of_fog(rig->api, seed, seed, NULL);
+        gl_picture c = picture_of_fog(rig->api, seed, seed, careless);
+        if (memcmp(&a, &b, sizeof a) != 0)
+            fprintf(stderr, "another picture from state %d\n", (int)seed);
+        assert_int_equal(memcmp(&a, &b, sizeof a), 0);
+        spoilt += memcmp(&a, &c, sizeof a) != 0;
+    }
+    printf("  planted: without glDisable %d of %d pictures are spoilt\n", spoilt, SEEDS);
+    assert_true(spoilt > 0);
+    assert_true(gl_context_make_current(&rig->context));
+}
+
 /* ------------------------------------------------------------------ */
 
 int main(void)
@@ -160,6 +294,10 @@ int main(void)
         {"everything is randomized", test_randomizing},
         {"planted leaks are seen", test_leaks},
         {"the host's picture stays", test_picture},
+        {"every call keeps the state", test_fog_keeps_state},
+        {"without saving, the leak is seen", test_fog_without_saving},
+        {"the host's picture stays beside the fog", test_picture_beside_fog},
+        {"the fog does not depend on the state", test_fog_does_not_depend_on_state},
     };
     return gl_rig_run_all(cases, CHECK_COUNT(cases));
 }
