@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
 # run.sh [STEP...]: runs the named steps, or all. The last line is "N passed, N failed, N skipped".
 #
-# A step is a function step_NAME, here or in compile.sh, with its title in title_NAME. It counts one
-# result for each check, and one for each test that a unit test program reports. Planted faults go
-# through `refuse`: the command must fail, and for the reason that it is given.
+# A step is a function step_NAME, here, in compile.sh or gpu.sh, with its title in title_NAME. It
+# counts one result for each check, and one for each test that a unit test program reports. Planted
+# faults go through `refuse`: the command must fail, and for the reason that it is given.
 # shellcheck disable=SC2013,SC2030,SC2031,SC2034,SC2048,SC2086
 set -u
 cd "$(dirname "$0")/.." || exit 1
 unset MAKEFLAGS MFLAGS MAKELEVEL
 export LC_ALL=C
-STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes compile symbols names vectors tcc mingw glsl readme"
-STEPS="$STEPS install bench fuzz"
+STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes scenes_gl compile symbols names"
+STEPS="$STEPS vectors tcc mingw glsl readme install bench fuzz"
 JOBS=$(nproc)
 OUT=build/test
 PLANTED=$OUT/planted # copies of project files with a fault in them
@@ -269,6 +269,8 @@ expect_count() {
 
 # shellcheck source=tests/compile.sh
 . tests/compile.sh
+# shellcheck source=tests/gpu.sh
+. tests/gpu.sh
 
 run_step() {
     local title="title_$1" before="$passed $failed $skipped" start=$SECONDS
