@@ -3649,10 +3649,30 @@ static scatter_result scatteri_gl_inject_by(scatter_gl *f, int quads)
     return result;
 }
 
-/* Whether quads cost less than gathering: see scatteri_gl_inject_by. */
+/* Cells on an axis that a Gaussian reaches. */
+static float scatteri_gl_reached(float radius, float low, float high, int n)
+{
+    return scatteri_min(2.0f * radius * (float)n / (high - low), (float)n);
+}
+
+/* Whether quads cost less than gathering. Both have been measured (bench): adding to a cell costs about twice as much as
+   looking at a Gaussian from a cell. */
 static int scatteri_gl_quads_pay(const scatter_gl *f)
 {
-    return f->can_blend_float && f->field.format == SCATTERI_GL_R32F;
+    const scatteri_gaussians *g = &f->medium.gaussians;
+    const scatter_box b = f->medium.local;
+    const int n = f->field.depth;
+    float reached = 0.0f;
+    int i;
+    if (!f->can_blend_float && f->field.format == SCATTERI_GL_R32F)
+        return 0;
+    for (i = 0; i < g->count; i++) {
+        const float radius = scatteri_sqrt(scatteri_max(g->reach[i], 0.0f)) / g->a[i];
+        reached += scatteri_gl_reached(radius, b.min.x, b.max.x, n) *
+                   scatteri_gl_reached(radius, b.min.y, b.max.y, n) *
+                   scatteri_gl_reached(radius, b.min.z, b.max.z, n);
+    }
+    return 2.0f * reached < (float)g->count * (float)n * (float)n * (float)n;
 }
 
 static scatter_result scatteri_gl_inject(scatter_gl *f)
