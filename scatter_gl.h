@@ -312,8 +312,6 @@ enum {
     SCATTERI_GL_TEXTURE_3D = 0x806F,
     SCATTERI_GL_TEXTURE_COMPARE_MODE = 0x884C,
     SCATTERI_GL_TIMESTAMP = 0x8E28,
-    SCATTERI_GL_POINTS = 0,
-    SCATTERI_GL_PROGRAM_POINT_SIZE = 0x8642,
     SCATTERI_GL_TRIANGLES = 4,
     SCATTERI_GL_TRIANGLE_STRIP = 5,
     SCATTERI_GL_UNIFORM_BUFFER = 0x8A11,
@@ -500,7 +498,7 @@ enum {
     A(axis_w, 4)    /* w: first shell */ \
     A(polar, 4)     /* 1/step of u, v, r; r of the last shell */ \
     A(polar_size, 4) /* columns, columns, shells of this light; w: 1 if directional */ \
-    A(anchor, 4)     /* of the wavefront: the nearest cell; w: bits of axes on which the source is inside */ \
+    A(anchor, 4)     /* of the wavefront: where waves begin; w: bits of axes on which the source is inside */ \
     A(shadow, 4)     /* kind, bias, 1 or -1 (reversed), cascades */ \
     A(shadow_more, 4) /* layer, near, far, not used */ \
     A(shadow_matrix, 64) /* rows of the matrix of light l and cascade c at (l 4 + c) 4 */
@@ -1055,20 +1053,22 @@ static const char scatteri_gl_gaussians[] =
     "        return scatteri_quick_span(clamp(low, -3.6, 3.6), clamp(high, -3.6, 3.6));\n"
     "    return scatteri_erf_span(max(low, -1e6), min(high, 1e6), min(half_length, 1e6));\n"
     "}\n"
+    "float scatteri_gauss_depth_to(vec4 g, vec4 c, vec3 x, vec3 to, float segment) {\n"
+    "    vec3 d = g.xyz - x;\n"
+    "    float m = dot(d, to);\n"
+    "    vec3 across = d - m * to;\n"
+    "    float fade = g.w * g.w * dot(across, across);\n"
+    "    if (fade >= c.y)\n"
+    "        return 0.0;\n"
+    "    return c.z * exp(-fade) *\n"
+    "           scatteri_gauss_span(-g.w * m, g.w * (segment - m), 0.5 * g.w * segment,\n"
+    "                               scatteri_extinction.w * c.z);\n"
+    "}\n"
     "float scatteri_closed_depth(vec3 x, vec3 to, float segment) {\n"
     "    float depth = 0.0;\n"
-    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
-    "        vec4 g = scatteri_gauss_place(i);\n"
-    "        vec4 c = scatteri_gauss_weight(i);\n"
-    "        vec3 d = g.xyz - x;\n"
-    "        float m = dot(d, to);\n"
-    "        vec3 across = d - m * to;\n"
-    "        float fade = g.w * g.w * dot(across, across);\n"
-    "        if (fade < c.y)\n"
-    "            depth += c.z * exp(-fade) *\n"
-    "                     scatteri_gauss_span(-g.w * m, g.w * (segment - m), 0.5 * g.w * segment,\n"
-    "                                         scatteri_extinction.w * c.z);\n"
-    "    }\n"
+    "    for (int i = 0; i < int(scatteri_counts.x); i++)\n"
+    "        depth += scatteri_gauss_depth_to(scatteri_gauss_place(i), scatteri_gauss_weight(i), x, to,\n"
+    "                                         segment);\n"
     "    return max(depth, 0.0);\n"
     "}\n";
 
@@ -1367,21 +1367,33 @@ static const char scatteri_gl_facing[] =
 
 /* Mean density towards local sources, depth of directional ones, in closed form. */
 static const char scatteri_gl_closed[] =
-    "float scatteri_closed_value(int channel, vec3 x) {\n"
-    "    vec4 to = scatteri_face(channel, x);\n"
-    "    float depth = scatteri_closed_depth(x, to.xyz, scatteri_segment_to(x, to.xyz, to.w));\n"
-    "    if (scatteri_light[channel].w > 1.5)\n"
-    "        return depth;\n"
-    "    return to.w > 0.0 ? depth / to.w : scatteri_cone[channel].z;\n"
+    "vec4 scatteri_closed_values(vec3 x) {\n"
+    "    int sources = int(scatteri_batch.x);\n"
+    "    vec4 to[4];\n"
+    "    float segment[4];\n"
+    "    vec4 depth = vec4(0.0);\n"
+    "    for (int l = 0; l < 4; l++) {\n"
+    "        to[l] = scatteri_face(l, x);\n"
+    "        segment[l] = scatteri_segment_to(x, to[l].xyz, to[l].w);\n"
+    "    }\n"
+    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
+    "        vec4 g = scatteri_gauss_place(i);\n"
+    "        vec4 c = scatteri_gauss_weight(i);\n"
+    "        for (int l = 0; l < 4; l++)\n"
+    "            if (l < sources)\n"
+    "                depth[l] += scatteri_gauss_depth_to(g, c, x, to[l].xyz, segment[l]);\n"
+    "    }\n"
+    "    for (int l = 0; l < 4; l++) {\n"
+    "        float r = scatteri_light[l].w > 1.5 ? 1.0 : to[l].w;\n"
+    "        depth[l] = r > 0.0 ? max(depth[l], 0.0) / r : scatteri_cone[l].z;\n"
+    "    }\n"
+    "    return depth;\n"
     "}\n"
     "void main() {\n"
     "    vec4 values[SCATTERI_SLICES];\n"
     "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
     "        ivec3 cell = ivec3(gl_FragCoord.xy, scatteri_at.x + s);\n"
-    "        vec3 x = scatteri_cell_centre(cell, vec3(0.0));\n"
-    "        values[s] = vec4(0.0);\n"
-    "        for (int channel = 0; channel < int(scatteri_batch.x); channel++)\n"
-    "            values[s][channel] = scatteri_closed_value(channel, x);\n"
+    "        values[s] = scatteri_closed_values(scatteri_cell_centre(cell, vec3(0.0)));\n"
     "    }\n"
     "    scatteri_write(values);\n"
     "}\n";
@@ -1508,75 +1520,72 @@ static const char scatteri_gl_polar[] =
     "    if (scatteri_at.x > 0)\n"
     "        running = texelFetch(scatteri_before, ivec2(gl_FragCoord.xy), 0);\n"
     "#endif\n"
-    "    for (int channel = 0; channel < int(scatteri_batch.x); channel++)\n"
-    "        scatteri_fill_column(channel, running, values);\n"
+    "    for (int channel = 0; channel < 4; channel++)\n"
+    "        if (channel < int(scatteri_batch.x))\n"
+    "            scatteri_fill_column(channel, running, values);\n"
     "#ifdef SCATTERI_FIELD\n"
     "    scatteri_running = running;\n"
     "#endif\n"
     "    scatteri_write(values);\n"
     "}\n";
 
-/* The wavefront. Cells lie in two pictures, layers side by side; wave s, the cells s steps away from the nearest one
-   (the anchor), in the picture of its parity, so that what a wave reads and what it writes are never in the same one. */
-static const char scatteri_gl_atlas[] =
+/* The wavefront. Wave s of a source is the cells s steps away from the nearest one, the anchor. It is stored as seen along
+   z: a square tile of the cells above the anchor and one of those below it, of which some are none. Waves alternate
+   between two pictures, so that what one reads and what it writes are never in the same. */
+static const char scatteri_gl_waves[] =
     "uniform highp sampler2D scatteri_before;\n"
-    "ivec2 scatteri_texel_of(ivec3 cell) {\n"
+    "ivec2 scatteri_tile_of(int wave, int side) {\n"
     "    int n = int(scatteri_local_min.w);\n"
     "    int tiles = textureSize(scatteri_before, 0).x / n;\n"
-    "    return ivec2(cell.z % tiles, cell.z / tiles) * n + cell.xy;\n"
+    "    int tile = (wave >> 1) * 2 + side;\n"
+    "    return ivec2(tile % tiles, tile / tiles) * n;\n"
     "}\n"
-    "ivec3 scatteri_cell_of_texel(ivec2 texel) {\n"
-    "    int n = int(scatteri_local_min.w);\n"
-    "    int tiles = textureSize(scatteri_before, 0).x / n;\n"
-    "    ivec2 tile = texel / n;\n"
-    "    return ivec3(texel - tile * n, tile.y * tiles + tile.x);\n"
+    "int scatteri_wave_of(int channel, ivec3 cell) {\n"
+    "    ivec3 steps = abs(cell - ivec3(scatteri_anchor[channel].xyz));\n"
+    "    return steps.x + steps.y + steps.z;\n"
+    "}\n"
+    "ivec2 scatteri_texel_of(int channel, ivec3 cell) {\n"
+    "    int side = cell.z < int(scatteri_anchor[channel].z) ? 1 : 0;\n"
+    "    return scatteri_tile_of(scatteri_wave_of(channel, cell), side) + cell.xy;\n"
     "}\n";
 
-/* Points of wave scatteri_at.y of source scatteri_at.x: those of a square of x and y around the anchor, above and below
-   it, of which some are none. */
-static const char scatteri_gl_wave_points[] =
+/* Quads over the tiles of wave scatteri_at.y of source scatteri_at.x. */
+static const char scatteri_gl_wave_quad[] =
     "uniform ivec4 scatteri_at;\n"
+    "flat out int scatteri_side;\n"
     "void main() {\n"
-    "    ivec3 anchor = ivec3(scatteri_anchor[scatteri_at.x].xyz);\n"
-    "    int n = int(scatteri_local_min.w);\n"
-    "    int wave = scatteri_at.y;\n"
-    "    bool both = anchor.z > 0 && anchor.z < n - 1;\n"
-    "    bool up = both ? (gl_VertexID & 1) == 0 : anchor.z == 0;\n"
-    "    int number = both ? gl_VertexID >> 1 : gl_VertexID;\n"
-    "    ivec2 low = max(anchor.xy - wave, 0);\n"
-    "    int width = min(anchor.x + wave, n - 1) - low.x + 1;\n"
-    "    ivec3 cell = ivec3(low + ivec2(number % width, number / width), 0);\n"
-    "    int rest = wave - abs(cell.x - anchor.x) - abs(cell.y - anchor.y);\n"
-    "    cell.z = anchor.z + (up ? rest : -rest);\n"
-    "    bool is = rest >= 0 && cell.z >= 0 && cell.z < n && (up || !both || rest > 0);\n"
-    "    vec2 at = (vec2(scatteri_texel_of(cell)) + 0.5) / vec2(textureSize(scatteri_before, 0));\n"
-    "    gl_Position = is ? vec4(at * 2.0 - 1.0, 0.0, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);\n"
-    "    gl_PointSize = 1.0;\n"
+    "    ivec2 anchor = ivec2(scatteri_anchor[scatteri_at.x].xy);\n"
+    "    ivec2 low = max(anchor - scatteri_at.y, 0);\n"
+    "    ivec2 high = min(anchor + scatteri_at.y, int(scatteri_local_min.w) - 1) + 1;\n"
+    "    vec2 corner = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));\n"
+    "    vec2 tile = vec2(scatteri_tile_of(scatteri_at.y, gl_InstanceID));\n"
+    "    vec2 at = (tile + mix(vec2(low), vec2(high), corner)) / vec2(textureSize(scatteri_before, 0));\n"
+    "    gl_Position = vec4(at * 2.0 - 1.0, 0.0, 1.0);\n"
+    "    scatteri_side = gl_InstanceID;\n"
     "}\n";
 
 /* First-order upwind differences of u . grad tau = D, see scatteri_upwind. */
 static const char scatteri_gl_wave[] =
     "uniform ivec4 scatteri_at;\n"
     "uniform highp sampler3D scatteri_field;\n"
+    "flat in int scatteri_side;\n"
     "out vec4 scatteri_value;\n"
-    "float scatteri_depth_of(ivec3 cell, vec3 size) {\n"
-    "    int channel = scatteri_at.x;\n"
+    "float scatteri_depth_of(int channel, ivec3 cell) {\n"
     "    int n = int(scatteri_local_min.w);\n"
     "    if (any(lessThan(cell, ivec3(0))) || any(greaterThanEqual(cell, ivec3(n))))\n"
     "        return 0.0;\n"
-    "    float value = texelFetch(scatteri_before, scatteri_texel_of(cell), 0)[channel];\n"
+    "    float value = texelFetch(scatteri_before, scatteri_texel_of(channel, cell), 0)[channel];\n"
     "    if (scatteri_light[channel].w > 1.5)\n"
     "        return value;\n"
     "    return value * length(scatteri_cell_centre(cell, scatteri_light[channel].xyz));\n"
     "}\n"
-    "void main() {\n"
-    "    vec4 anchor = scatteri_anchor[scatteri_at.x];\n"
-    "    bool parallel = scatteri_light[scatteri_at.x].w > 1.5;\n"
-    "    ivec3 cell = scatteri_cell_of_texel(ivec2(gl_FragCoord.xy));\n"
+    "float scatteri_upwind_value(int channel, ivec3 cell) {\n"
+    "    vec4 anchor = scatteri_anchor[channel];\n"
+    "    bool parallel = scatteri_light[channel].w > 1.5;\n"
     "    vec3 size = scatteri_cell_size();\n"
-    "    vec3 away = scatteri_cell_centre(cell, scatteri_light[scatteri_at.x].xyz);\n"
+    "    vec3 away = scatteri_cell_centre(cell, scatteri_light[channel].xyz);\n"
     "    float r = parallel ? 1.0 : length(away);\n"
-    "    vec3 u = parallel ? scatteri_direction[scatteri_at.x].xyz : away / max(r, 1e-30);\n"
+    "    vec3 u = parallel ? scatteri_direction[channel].xyz : away / max(r, 1e-30);\n"
     "    float density = texelFetch(scatteri_field, cell, 0).x;\n"
     "    float sum = density;\n"
     "    float weights = 0.0;\n"
@@ -1588,10 +1597,19 @@ static const char scatteri_gl_wave[] =
     "        from[axis] += u[axis] > 0.0 ? -1 : 1;\n"
     "        float weight = abs(u[axis]) / size[axis];\n"
     "        weights += weight;\n"
-    "        sum += weight * scatteri_depth_of(from, size);\n"
+    "        sum += weight * scatteri_depth_of(channel, from);\n"
     "    }\n"
     "    float depth = weights > 0.0 ? sum / weights : sum * r;\n"
-    "    scatteri_value = vec4(parallel ? depth : r > 0.0 ? depth / r : density);\n"
+    "    return parallel ? depth : r > 0.0 ? depth / r : density;\n"
+    "}\n"
+    "void main() {\n"
+    "    ivec3 anchor = ivec3(scatteri_anchor[scatteri_at.x].xyz);\n"
+    "    ivec2 xy = ivec2(gl_FragCoord.xy) - scatteri_tile_of(scatteri_at.y, scatteri_side);\n"
+    "    int rest = scatteri_at.y - abs(xy.x - anchor.x) - abs(xy.y - anchor.y);\n"
+    "    ivec3 cell = ivec3(xy, scatteri_side == 0 ? anchor.z + rest : anchor.z - rest);\n"
+    "    if (rest < scatteri_side || cell.z < 0 || cell.z >= int(scatteri_local_min.w))\n"
+    "        discard;\n"
+    "    scatteri_value = vec4(scatteri_upwind_value(scatteri_at.x, cell));\n"
     "}\n";
 
 /* Each source's cells from the picture of their wave. */
@@ -1601,13 +1619,12 @@ static const char scatteri_gl_merge[] =
     "    vec4 values[SCATTERI_SLICES];\n"
     "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
     "        ivec3 cell = ivec3(gl_FragCoord.xy, scatteri_at.x + s);\n"
-    "        vec4 even = texelFetch(scatteri_before, scatteri_texel_of(cell), 0);\n"
-    "        vec4 odd = texelFetch(scatteri_before_too, scatteri_texel_of(cell), 0);\n"
     "        values[s] = vec4(0.0);\n"
     "        for (int channel = 0; channel < int(scatteri_batch.x); channel++) {\n"
-    "            ivec3 steps = abs(cell - ivec3(scatteri_anchor[channel].xyz));\n"
-    "            bool first = (steps.x + steps.y + steps.z & 1) == 0;\n"
-    "            values[s][channel] = first ? even[channel] : odd[channel];\n"
+    "            ivec2 texel = scatteri_texel_of(channel, cell);\n"
+    "            bool even = (scatteri_wave_of(channel, cell) & 1) == 0;\n"
+    "            values[s][channel] = even ? texelFetch(scatteri_before, texel, 0)[channel]\n"
+    "                                      : texelFetch(scatteri_before_too, texel, 0)[channel];\n"
     "        }\n"
     "    }\n"
     "    scatteri_write(values);\n"
@@ -2592,8 +2609,8 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
                                                            {"columns", scatteri_gl_columns},
                                                            {"sums", scatteri_gl_sums},
                                                            {"polar", scatteri_gl_polar},
-                                                           {"atlas", scatteri_gl_atlas},
-                                                           {"points", scatteri_gl_wave_points},
+                                                           {"waves", scatteri_gl_waves},
+                                                           {"wave_quad", scatteri_gl_wave_quad},
                                                            {"wave", scatteri_gl_wave},
                                                            {"merge", scatteri_gl_merge},
                                                            {"camera", scatteri_gl_camera},
@@ -2693,8 +2710,8 @@ static const scatteri_gl_pass scatteri_gl_passes[] = {
     {"polar", "prelude whole",
      "prelude vector erf span quick maps blocks table density columns slices sums polar",
      SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FIELD | SCATTERI_GL_HAS_BOUNDED},
-    {"wave", "prelude blocks atlas points", "prelude blocks atlas cells wave", 0},
-    {"merge", "prelude whole", "prelude blocks atlas slices merge", 0},
+    {"wave", "prelude blocks waves wave_quad", "prelude blocks waves cells wave", 0},
+    {"merge", "prelude whole", "prelude blocks waves slices merge", 0},
 };
 
 static const struct {
@@ -2965,7 +2982,6 @@ static const struct {
     {0x8E51, 0}, /* SAMPLE_MASK */
     {0x0BF2, 0}, /* COLOR_LOGIC_OP */
     {0x0B41, 0}, /* POLYGON_SMOOTH */
-    {0x8642, 0}, /* PROGRAM_POINT_SIZE; on while points are drawn */
     {0x3000, 0}, /* CLIP_DISTANCE0 and the others */
     {0x3001, 0}, {0x3002, 0}, {0x3003, 0}, {0x3004, 0}, {0x3005, 0}, {0x3006, 0}, {0x3007, 0}};
 
@@ -3725,17 +3741,6 @@ static int scatteri_gl_most_steps(const float *anchor, int axis, int n)
     return a > n - 1 - a ? a : n - 1 - a;
 }
 
-/* Points of a wave: see scatteri_gl_wave_points. */
-static int scatteri_gl_wave_count(const float *anchor, int wave, int n)
-{
-    const int x = (int)anchor[0], y = (int)anchor[1], z = (int)anchor[2];
-    const int width =
-        scatteri_clamp_int(x + wave, 0, n - 1) - scatteri_clamp_int(x - wave, 0, n - 1) + 1;
-    const int height =
-        scatteri_clamp_int(y + wave, 0, n - 1) - scatteri_clamp_int(y - wave, 0, n - 1) + 1;
-    return width * height * (z > 0 && z < n - 1 ? 2 : 1);
-}
-
 /* One wave of all sources of the batch; each writes its own channel. */
 static void scatteri_gl_draw_wave(scatter_gl *f, const scatteri_gl_program *program, int wave)
 {
@@ -3751,7 +3756,7 @@ static void scatteri_gl_draw_wave(scatter_gl *f, const scatteri_gl_program *prog
             continue;
         f->gl.ColorMask(channel == 0, channel == 1, channel == 2, channel == 3);
         f->gl.Uniform4i(program->at, channel, wave, 0, 0);
-        f->gl.DrawArrays(SCATTERI_GL_POINTS, 0, scatteri_gl_wave_count(anchor, wave, n));
+        f->gl.DrawArraysInstanced(SCATTERI_GL_TRIANGLE_STRIP, 0, 4, anchor[2] > 0.0f ? 2 : 1);
     }
 }
 
@@ -3776,20 +3781,17 @@ static scatter_result scatteri_gl_sweep(scatter_gl *f, const scatteri_gl_texture
 {
     const int n = volume->depth;
     scatter_result result = SCATTER_OK;
+    const int count = 3 * n; /* tiles: two for each of 3n - 2 waves, in two pictures */
     int tiles = 1, i;
-    while (tiles * tiles < n)
+    while (tiles * tiles < count)
         tiles++;
     for (i = 0; i < 2 && result == SCATTER_OK; i++)
         result = scatteri_gl_size_texture(f, &f->wave[i], SCATTERI_GL_RGBA32F, tiles * n,
-                                          (n + tiles - 1) / tiles * n, 1);
+                                          (count + tiles - 1) / tiles * n, 1);
     if (result != SCATTER_OK)
         return result;
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_FIELD, &f->field);
-    if (!f->es)
-        f->gl.Enable(SCATTERI_GL_PROGRAM_POINT_SIZE);
     result = scatteri_gl_run_waves(f);
-    if (!f->es)
-        f->gl.Disable(SCATTERI_GL_PROGRAM_POINT_SIZE);
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->wave[0]);
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE_TOO, &f->wave[1]);
     return result == SCATTER_OK ? scatteri_gl_run_pass(f, SCATTERI_GL_PASS_MERGE, 0, volume, 0)
