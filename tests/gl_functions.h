@@ -78,7 +78,9 @@
     F(TEXPARAMETERF, TexParameterf) F(TEXPARAMETERI, TexParameteri) \
     F(TEXSTORAGE2D, TexStorage2D) F(TEXSTORAGE2DMULTISAMPLE, TexStorage2DMultisample) \
     F(TEXSTORAGE3D, TexStorage3D) \
-    F(TEXSTORAGE3DMULTISAMPLE, TexStorage3DMultisample) F(TEXSUBIMAGE2D, TexSubImage2D) \
+    F(TEXSTORAGE3DMULTISAMPLE, TexStorage3DMultisample) F(TEXSUBIMAGE2D, TexSubImage2D) F(TEXSUBIMAGE3D, TexSubImage3D) \
+    F(RENDERBUFFERSTORAGEMULTISAMPLE, RenderbufferStorageMultisample) \
+    F(GETSHADERIV, GetShaderiv) F(GETSHADERINFOLOG, GetShaderInfoLog) F(UNIFORM4FV, Uniform4fv) \
     F(TRANSFORMFEEDBACKVARYINGS, TransformFeedbackVaryings) F(UNIFORM1I, Uniform1i) \
     F(UNIFORM4F, Uniform4f) F(UNIFORMBLOCKBINDING, UniformBlockBinding) \
     F(UNMAPBUFFER, UnmapBuffer) F(USEPROGRAM, UseProgram) \

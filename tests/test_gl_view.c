@@ -1,0 +1,921 @@
+/* test_gl_view.c - the pictures of scatter_gl.h against those of scatter.h: cameras, depth conventions,
+   lights in batches, shadow maps, reduced resolution, froxels, surfaces and debug views, in every
+   kind of context. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#define SCATTER_IMPLEMENTATION
+#include "../scatter_gl.h"
+#include "check.h"
+#include "gl_state.h"
+#include "gl_host.h"
+#include "gl_leaks.h"
+#include "gl_rig.h"
+
+#define WIDTH 40
+#define HEIGHT 28
+#define PIXELS (WIDTH * HEIGHT)
+
+/* ----------------------------------------------------------------------------------- >>cameras */
+
+/* A camera as OpenGL and as scatter.h have it. */
+typedef struct camera {
+    const char *name;
+    float view[16], projection[16];
+    int reversed, zero_to_one;
+    scatter_view rays;
+} camera;
+
+typedef enum camera_kind { PLAIN, INFINITE, OFF_AXIS, PARALLEL, PARALLEL_REVERSED, CAMERAS } camera_kind;
+
+/* Looks from `eye` to the origin; the frustum's edges at distance 1 (or, parallel, in metres). */
+static void aim(camera *c, scatter_vec3 eye, const float *edges, int parallel) {
+    const scatter_vec3 back = scatteri_unit(eye);
+    const scatter_vec3 right = scatteri_unit(scatteri_cross(check_v3(0, 1, 0), back));
+    const scatter_vec3 up = scatteri_cross(back, right);
+    const float width = edges[1] - edges[0], height = edges[3] - edges[2];
+    const float m[16] = {right.x, up.x, back.x, 0, right.y, up.y, back.y, 0,
+                         right.z, up.z, back.z, 0, -scatteri_dot(right, eye),
+                         -scatteri_dot(up, eye), -scatteri_dot(back, eye), 1};
+    const scatter_vec3 corner = scatteri_add(scatteri_scale(right, edges[0]), scatteri_scale(up, edges[3]));
+    memcpy(c->view, m, sizeof m);
+    memset(&c->rays, 0, sizeof c->rays);
+    c->rays.origin = eye;
+    c->rays.direction = scatteri_scale(back, -1.0f);
+    if (parallel) {
+        c->rays.origin = scatteri_add(eye, corner);
+        c->rays.origin_dx = scatteri_scale(right, width);
+        c->rays.origin_dy = scatteri_scale(up, -height);
+    } else {
+        c->rays.direction = scatteri_add(c->rays.direction, corner);
+        c->rays.direction_dx = scatteri_scale(right, width);
+        c->rays.direction_dy = scatteri_scale(up, -height);
+    }
+}
+
+/* Clip z as a + b z_camera (parallel), or (a + b z_camera) / -z_camera. */
+static void project(camera *c, const float *edges, int parallel, float a, float b) {
+    float *p = c->projection;
+    memset(p, 0, sizeof c->projection);
+    p[0] = 2.0f / (edges[1] - edges[0]);
+    p[5] = 2.0f / (edges[3] - edges[2]);
+    p[parallel ? 12 : 8] = (edges[1] + edges[0]) / (edges[1] - edges[0]) * (parallel ? -1.0f : 1.0f);
+    p[parallel ? 13 : 9] = (edges[3] + edges[2]) / (edges[3] - edges[2]) * (parallel ? -1.0f : 1.0f);
+    p[10] = b;
+    p[14] = a;
+    p[parallel ? 15 : 11] = parallel ? 1.0f : -1.0f;
+}
+
+static camera make_camera(camera_kind kind) {
+    static const float straight[4] = {-0.5f, 0.5f, -0.35f, 0.35f}, off[4] = {-0.3f, 0.6f, -0.45f, 0.2f};
+    static const float wide[4] = {-2.0f, 2.0f, -1.4f, 1.4f};
+    static const char *const names[] = {"plain", "infinite, reversed, 0..1", "off axis", "parallel",
+                                        "parallel, reversed, 0..1"};
+    const float near = 0.5f, far = 40.0f;
+    const scatter_vec3 eye = {0.9f, 1.1f, 4.0f};
+    const int parallel = kind >= PARALLEL;
+    const float *edges = parallel ? wide : kind == OFF_AXIS ? off : straight;
+    camera c;
+    memset(&c, 0, sizeof c);
+    c.name = names[kind];
+    c.reversed = c.zero_to_one = kind == INFINITE || kind == PARALLEL_REVERSED;
+    aim(&c, eye, edges, parallel);
+    if (kind == INFINITE)
+        project(&c, edges, 0, near, 0.0f);
+    else if (kind == PARALLEL)
+        project(&c, edges, 1, -(far + near) / (far - near), -2.0f / (far - near));
+    else if (kind == PARALLEL_REVERSED)
+        project(&c, edges, 1, far / (far - near), 1.0f / (far - near));
+    else
+        project(&c, edges, 0, -2.0f * far * near / (far - near), -(far + near) / (far - near));
+    if (parallel) /* rays of a parallel camera begin at its near plane */
+        c.rays.origin = scatteri_along(c.rays.origin, c.rays.direction, near);
+    return c;
+}
+
+/* What a depth buffer holds for the world point. */
+static float depth_of(const camera *c, scatter_vec3 x) {
+    const float at[4] = {x.x, x.y, x.z, 1.0f};
+    double seen[4], clip[4];
+    int row, k;
+    for (row = 0; row < 4; row++)
+        for (seen[row] = 0, k = 0; k < 4; k++)
+            seen[row] += (double)c->view[4 * k + row] * (double)at[k];
+    for (row = 0; row < 4; row++)
+        for (clip[row] = 0, k = 0; k < 4; k++)
+            clip[row] += (double)c->projection[4 * k + row] * seen[k];
+    return (float)(c->zero_to_one ? clip[2] / clip[3] : 0.5 + 0.5 * clip[2] / clip[3]);
+}
+
+static scatter_ray pixel_ray(const camera *c, int x, int y) {
+    scatter_ray r = scatter_view_ray(&c->rays, ((float)x + 0.5f) / WIDTH, ((float)y + 0.5f) / HEIGHT);
+    r.direction = scatteri_unit(r.direction);
+    return r;
+}
+
+/* ---------------------------------------------------------------------------------- >>pictures */
+
+typedef struct picture {
+    float rgba[4 * PIXELS]; /* rows from below, as OpenGL has them */
+} picture;
+
+/* What the host has: its picture, and where its surfaces are. */
+typedef struct stage {
+    gl_rig *rig;
+    scatter_gl *fog;
+    GLuint framebuffer, color, depth;
+    float distance[PIXELS]; /* rows from above; 0: sky */
+    float scene[3 * PIXELS];
+} stage;
+
+static void say(void *user, scatter_result result, const char *sentence) {
+    (void)user;
+    fprintf(stderr, "  %d: %s\n", (int)result, sentence);
+}
+
+static GLuint make_texture(const gl_functions *gl, GLint internal, int width, int height,
+                           GLenum format, const void *values) {
+    GLuint name;
+    gl->GenTextures(1, &name);
+    gl->BindTexture(GL_TEXTURE_2D, name);
+    gl->TexImage2D(GL_TEXTURE_2D, 0, internal, width, height, 0, format, GL_FLOAT, values);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    return name;
+}
+
+static void open_stage(stage *s, gl_rig *rig) {
+    const gl_functions *gl = &rig->host.gl;
+    scatter_gl_desc desc;
+    int i;
+    memset(s, 0, sizeof *s);
+    memset(&desc, 0, sizeof desc);
+    s->rig = rig;
+    desc.host.log = say;
+    desc.get_proc_address = rig->context.get_proc_address;
+    assert_int_equal(scatter_gl_create(&desc, &s->fog), SCATTER_OK);
+    s->color = make_texture(gl, GL_RGBA32F, WIDTH, HEIGHT, GL_RGBA, NULL);
+    gl->GenFramebuffers(1, &s->framebuffer);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, s->framebuffer);
+    gl->FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, s->color, 0);
+    for (i = 0; i < 3 * PIXELS; i++)
+        s->scene[i] = 0.2f + 0.1f * (float)(i % 3);
+}
+
+static void close_stage(stage *s) {
+    const gl_functions *gl = &s->rig->host.gl;
+    assert_int_equal(gl->GetError(), GL_NO_ERROR);
+    scatter_gl_destroy(s->fog);
+    gl->DeleteTextures(1, &s->color);
+    gl->DeleteTextures(1, &s->depth);
+    gl->DeleteFramebuffers(1, &s->framebuffer);
+}
+
+static void put_world(stage *s, const check_world *w, const scatter_gl_shadow *shadow,
+                      const scatter_quality *q, const scatter_vec3 *eye) {
+    scatter_gl_light lights[CHECK_COUNT(w->lights)];
+    size_t i;
+    memset(lights, 0, sizeof lights);
+    for (i = 0; i < w->scene.light_count; i++) {
+        lights[i].light = w->lights[i];
+        if (shadow != NULL)
+            lights[i].shadow = *shadow;
+    }
+    assert_int_equal(scatter_gl_set_medium(s->fog, &w->scene.medium), SCATTER_OK);
+    assert_int_equal(scatter_gl_set_lights(s->fog, lights, w->scene.light_count), SCATTER_OK);
+    assert_int_equal(scatter_gl_update(s->fog, q, eye), SCATTER_OK);
+}
+
+/* The host's depth buffer of the plane at height y, where rays meet it; sky elsewhere. */
+static void put_plane(stage *s, const camera *c, float y) {
+    static float values[PIXELS];
+    int i, j;
+    for (j = 0; j < HEIGHT; j++)
+        for (i = 0; i < WIDTH; i++) {
+            const scatter_ray r = pixel_ray(c, i, j);
+            const float t = (y - r.origin.y) / r.direction.y;
+            const int some = t > 0.6f && t < 30.0f;
+            s->distance[j * WIDTH + i] = some ? t : 0.0f;
+            values[(HEIGHT - 1 - j) * WIDTH + i] =
+                some ? depth_of(c, scatteri_along(r.origin, r.direction, t))
+                     : (c->reversed ? 0.0f : 1.0f);
+        }
+    s->rig->host.gl.DeleteTextures(1, &s->depth);
+    s->depth = make_texture(&s->rig->host.gl, GL_R32F, WIDTH, HEIGHT, GL_RED, values);
+}
+
+static scatter_gl_view view_of(const stage *s, const camera *c) {
+    scatter_gl_view v;
+    memset(&v, 0, sizeof v);
+    v.view = c->view;
+    v.projection = c->projection;
+    v.reversed = c->reversed;
+    v.zero_to_one = c->zero_to_one;
+    v.framebuffer = s->framebuffer;
+    v.width = WIDTH;
+    v.height = HEIGHT;
+    v.depth_texture = s->depth;
+    return v;
+}
+
+/* The fog over the host's picture. */
+static void draw(stage *s, const scatter_gl_view *v, picture *out) {
+    const gl_functions *gl = &s->rig->host.gl;
+    gl->BindFramebuffer(GL_FRAMEBUFFER, s->framebuffer);
+    gl->ClearColor(s->scene[0], s->scene[1], s->scene[2], 0.25f);
+    gl->Clear(GL_COLOR_BUFFER_BIT);
+    assert_int_equal(scatter_gl_draw(s->fog, v), SCATTER_OK);
+    gl->ReadBuffer(GL_COLOR_ATTACHMENT0);
+    gl->ReadPixels(0, 0, WIDTH, HEIGHT, GL_RGBA, GL_FLOAT, out->rgba);
+    assert_int_equal(gl->GetError(), GL_NO_ERROR);
+}
+
+/* The same by scatter.h; transmittance may be NULL. */
+static void render(const stage *s, const check_world *w, const camera *c, const scatter_quality *q,
+                   float *rgb, float *transmittance) {
+    scatter_context *context = check_open_context(&w->scene, q);
+    scatter_image image;
+    memset(&image, 0, sizeof image);
+    image.width = WIDTH;
+    image.height = HEIGHT;
+    image.rgb = rgb;
+    image.transmittance = transmittance;
+    image.distance = s->distance;
+    image.color = s->scene;
+    assert_int_equal(scatter_render(context, &c->rays, &image), SCATTER_OK);
+    scatter_destroy(context);
+}
+
+/* Relative RMSE: over the mean of the reference. */
+static double compare(const picture *p, const float *rgb) {
+    double square = 0, sum = 0;
+    int x, y, k;
+    for (y = 0; y < HEIGHT; y++)
+        for (x = 0; x < WIDTH; x++)
+            for (k = 0; k < 3; k++) {
+                const double a = (double)p->rgba[4 * ((HEIGHT - 1 - y) * WIDTH + x) + k];
+                const double b = (double)rgb[3 * (y * WIDTH + x) + k];
+                square += (a - b) * (a - b);
+                sum += b;
+            }
+    return sqrt(square / (3.0 * PIXELS)) / (sum / (3.0 * PIXELS));
+}
+
+static scatter_quality quality_of(scatter_depth_method depth, int nodes) {
+    scatter_quality q;
+    memset(&q, 0, sizeof q);
+    q.depth = depth;
+    q.nodes = nodes;
+    return q;
+}
+
+/* A few soft Gaussians around the origin and a lamp. */
+static void open_puffs(check_world *w) {
+    check_world_open(w);
+    w->scene.medium.extinction = check_v3(0.8f, 1.0f, 1.3f);
+    w->scene.medium.albedo = check_v3(0.9f, 0.8f, 0.7f);
+    w->scene.medium.phase.kind = SCATTER_PHASE_HG;
+    w->scene.medium.phase.g = 0.3f;
+    check_add_gaussian(w, check_v3(0, 0.2f, 0), 1.3f, 1.5f);
+    check_add_gaussian(w, check_v3(0.8f, -0.3f, -0.4f), 2.0f, 2.5f);
+    check_add_gaussian(w, check_v3(-0.9f, 0.1f, 0.5f), 1.7f, 1.0f);
+    check_add_light(w, SCATTER_LIGHT_POINT, check_v3(1.6f, 2.0f, 0.8f), check_v3(9, 8, 7));
+    w->lights[0].radius = 0.05f;
+}
+
+/* What both sides may differ by where they do the same: 32 nodes are within 1e-5 of the truth here, and sums of
+   floats over them, blending and the depth buffer's own rounding stay below 1e-4. */
+#define SAME 1e-4
+
+/* ------------------------------------------------------------------------------------- >>tests */
+
+static void every_camera(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 32);
+    static float rgb[3 * PIXELS];
+    static picture p;
+    check_world w;
+    stage s;
+    int kind;
+    open_puffs(&w);
+    open_stage(&s, rig);
+    put_world(&s, &w, NULL, &q, NULL);
+    for (kind = 0; kind < CAMERAS; kind++) {
+        const camera c = make_camera((camera_kind)kind);
+        scatter_gl_view v;
+        put_plane(&s, &c, -0.4f);
+        v = view_of(&s, &c);
+        draw(&s, &v, &p);
+        render(&s, &w, &c, &q, rgb, NULL);
+        if (!check_at_most(c.name, compare(&p, rgb), SAME))
+            fail();
+        v.reversed = !v.reversed; /* planted: the wrong convention */
+        draw(&s, &v, &p);
+        assert_at_least(compare(&p, rgb), 100 * SAME);
+    }
+    close_stage(&s);
+}
+
+/* Far from the origin: the same picture, moved by 2^14 m, which costs floats 11 of 24 bits. */
+static void far_away(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 32);
+    const float shift = 16384.0f;
+    static float rgb[3 * PIXELS];
+    static picture p;
+    check_world w;
+    camera c = make_camera(PLAIN);
+    scatter_gl_view v;
+    stage s;
+    int i;
+    open_puffs(&w);
+    open_stage(&s, rig);
+    render(&s, &w, &c, &q, rgb, NULL);
+    for (i = 0; i < 3; i++)
+        w.gaussians[i].center.x += shift;
+    w.lights[0].position.x += shift;
+    for (i = 0; i < 3; i++)
+        c.view[12 + i] -= shift * c.view[i];
+    put_world(&s, &w, NULL, &q, NULL);
+    v = view_of(&s, &c);
+    draw(&s, &v, &p);
+    assert_at_most(compare(&p, rgb), 1.5 * 16384.0 * 6e-8 * 8); /* steepness of the picture: 8 per metre */
+    close_stage(&s);
+}
+
+/* A NaN in the depth buffer is sky, and stays in its pixel. */
+static void nan_in_depth(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 16);
+    const camera c = make_camera(PLAIN);
+    static float values[PIXELS];
+    static picture sky, holes;
+    scatter_gl_view v;
+    check_world w;
+    stage s;
+    int i;
+    open_puffs(&w);
+    open_stage(&s, rig);
+    put_world(&s, &w, NULL, &q, NULL);
+    v = view_of(&s, &c);
+    draw(&s, &v, &sky);
+    for (i = 0; i < PIXELS; i++)
+        values[i] = i % 7 == 0 ? NAN : i % 7 == 1 ? INFINITY : i % 7 == 2 ? -1.0f : 1.0f;
+    s.depth = make_texture(&rig->host.gl, GL_R32F, WIDTH, HEIGHT, GL_RED, values);
+    for (v.divide = 1; v.divide <= 4; v.divide *= 2) {
+        v.depth_texture = 0;
+        draw(&s, &v, &sky);
+        v.depth_texture = s.depth;
+        draw(&s, &v, &holes);
+        assert_memory_equal(&sky, &holes, sizeof sky);
+    }
+    close_stage(&s);
+}
+
+/* Lights of all kinds in two batches; alone, with the eye's depth in the volumes, and with their own depth volumes. */
+static void many_lights(gl_rig *rig) {
+    static const scatter_vec3 places[] = {{1.6f, 2.0f, 0.8f}, {-2, 1, 1},  {0, 2.5f, 0.3f},
+                                          {0.2f, 0.1f, 0.3f}, {1, 1.5f, 2}, {-1, 2, -1}};
+    const scatter_light_kind kinds[] = {SCATTER_LIGHT_POINT,       SCATTER_LIGHT_SPOT,
+                                        SCATTER_LIGHT_DIRECTIONAL, SCATTER_LIGHT_POINT,
+                                        SCATTER_LIGHT_DIRECTIONAL, SCATTER_LIGHT_SPOT};
+    const camera c = make_camera(PLAIN);
+    static float rgb[3 * PIXELS];
+    static picture p;
+    check_world w;
+    scatter_gl_view v;
+    stage s;
+    int i;
+    open_puffs(&w);
+    w.scene.light_count = 0;
+    for (i = 0; i < 6; i++) {
+        scatter_light *l = check_add_light(&w, kinds[i], places[i], check_v3(4, 3, 5));
+        l->radius = 0.05f;
+        l->direction = scatteri_scale(places[i], -1.0f);
+        l->inner = 0.2f;
+        l->outer = 0.4f;
+    }
+    open_stage(&s, rig);
+    put_plane(&s, &c, -0.4f);
+    v = view_of(&s, &c);
+    for (i = 0; i < 3; i++) {
+        const scatter_depth_method methods[] = {SCATTER_DEPTH_CLOSED, SCATTER_DEPTH_CLOSED_VOLUME,
+                                                SCATTER_DEPTH_POLAR};
+        const scatter_quality q = quality_of(methods[i], 32);
+        put_world(&s, &w, NULL, &q, NULL);
+        draw(&s, &v, &p);
+        render(&s, &w, &c, &q, rgb, NULL);
+        assert_at_most(compare(&p, rgb), SAME);
+    }
+    { /* a volume of the eye's depth is off by 0.4 % of the picture at 64^3 (numerics of the methods), not the same */
+        const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED_VOLUME, 32);
+        const scatter_vec3 eye = {0.9f, 1.1f, 4.0f};
+        put_world(&s, &w, NULL, &q, &eye);
+        draw(&s, &v, &p);
+        render(&s, &w, &c, &q, rgb, NULL);
+        assert_at_most(compare(&p, rgb), 5e-3);
+        assert_at_least(compare(&p, rgb), 1e-6);
+    }
+    close_stage(&s);
+}
+
+/* Constant and height fog to the horizon, between ground and sky, in bounds and without. */
+static void fog_to_the_horizon(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_AUTO, 32);
+    static float rgb[3 * PIXELS];
+    static picture p;
+    check_world w;
+    stage s;
+    int bounded;
+    for (bounded = 0; bounded < 2; bounded++) {
+        const camera c = make_camera(PLAIN);
+        scatter_gl_view v;
+        check_world_open(&w);
+        w.scene.medium.extinction = check_v3(0.02f, 0.03f, 0.05f);
+        w.scene.medium.albedo = check_v3(0.9f, 0.9f, 0.9f);
+        check_add_height(&w, 2.0f, -0.4f, 3.0f);
+        w.scene.medium.constant = bounded ? 1.0f : 0.0f;
+        if (bounded)
+            check_bound(&w, check_cube(-6.0f, 6.0f));
+        check_add_light(&w, SCATTER_LIGHT_DIRECTIONAL, check_v3(0, 0, 0), check_v3(3, 2, 1));
+        w.lights[0].direction = check_v3(0.3f, -1, 0.2f);
+        check_add_light(&w, SCATTER_LIGHT_POINT, check_v3(0.3f, 0.4f, 0.2f), check_v3(3, 2, 1));
+        open_stage(&s, rig);
+        put_plane(&s, &c, -0.4f);
+        put_world(&s, &w, NULL, &q, NULL);
+        v = view_of(&s, &c);
+        draw(&s, &v, &p);
+        render(&s, &w, &c, &q, rgb, NULL);
+        assert_at_most(compare(&p, rgb), SAME);
+        close_stage(&s);
+    }
+}
+
+/* --- shadow maps --- */
+
+static int lit_right(void *user, scatter_vec3 p, scatter_vec3 q) {
+    (void)user;
+    (void)q;
+    return p.x > 0.1f;
+}
+
+/* A wall that stops everything on one side of x = 0.1: maps hold 0 there and 1 elsewhere. */
+static GLuint wall_map(const gl_functions *gl, scatter_gl_shadow_kind kind) {
+    enum { SIDE = 256, SPLIT = 128 };
+    static float texels[SIDE * SIDE];
+    const GLenum target = kind == SCATTER_GL_SHADOW_2D ? GL_TEXTURE_2D : GL_TEXTURE_2D_ARRAY;
+    GLuint name;
+    int i;
+    for (i = 0; i < SIDE * SIDE; i++)
+        texels[i] = i % SIDE < SPLIT ? 0.0f : 1.0f;
+    gl->GenTextures(1, &name);
+    gl->BindTexture(target, name);
+    if (kind == SCATTER_GL_SHADOW_2D) {
+        gl->TexImage2D(target, 0, GL_R32F, SIDE, SIDE, 0, GL_RED, GL_FLOAT, texels);
+    } else {
+        gl->TexImage3D(target, 0, GL_R32F, SIDE, SIDE, 3, 0, GL_RED, GL_FLOAT, NULL);
+        for (i = 1; i < 3; i++)
+            gl->TexSubImage3D(target, 0, 0, 0, i, SIDE, SIDE, 1, GL_RED, GL_FLOAT, texels);
+    }
+    gl->BindTexture(target, 0);
+    return name;
+}
+
+/* World x from 0.1 - reach to 0.1 + reach is u from 0 to 1; everything is at v = z = 0.5. */
+static void flatten(float *m, float reach) {
+    memset(m, 0, 16 * sizeof(float));
+    m[0] = 0.5f / reach;
+    m[12] = 0.5f - 0.1f * 0.5f / reach;
+    m[13] = m[14] = 0.5f;
+    m[15] = 1.0f;
+}
+
+static void flat_shadow_maps(gl_rig *rig) {
+    const scatter_gl_shadow_kind kinds[] = {SCATTER_GL_SHADOW_2D, SCATTER_GL_SHADOW_ARRAY};
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 32);
+    const camera c = make_camera(PLAIN);
+    static float rgb[3 * PIXELS], dark[3 * PIXELS];
+    static picture p;
+    int i;
+    for (i = 0; i < 2; i++) {
+        scatter_gl_shadow shadow;
+        scatter_gl_view v;
+        check_world w;
+        stage s;
+        memset(&shadow, 0, sizeof shadow);
+        open_puffs(&w);
+        open_stage(&s, rig);
+        shadow.kind = kinds[i];
+        shadow.texture = wall_map(&rig->host.gl, kinds[i]);
+        shadow.layer = i;
+        shadow.cascades = 2 * i;
+        flatten(shadow.matrix[0], i == 0 ? 8.0f : 0.6f); /* the first cascade is too small */
+        flatten(shadow.matrix[1], 8.0f);
+        put_plane(&s, &c, -0.4f);
+        put_world(&s, &w, &shadow, &q, NULL);
+        v = view_of(&s, &c);
+        draw(&s, &v, &p);
+        render(&s, &w, &c, &q, rgb, NULL);
+        assert_at_least(compare(&p, rgb), 0.05); /* without the wall it is another picture */
+        w.scene.visible = lit_right;
+        render(&s, &w, &c, &q, dark, NULL);
+        assert_at_most(compare(&p, dark), SAME);
+        shadow.reversed = 1; /* nothing is in front of 0, and 1 is in front of everything */
+        put_world(&s, &w, &shadow, &q, NULL);
+        draw(&s, &v, &p);
+        assert_at_least(compare(&p, dark), 0.05);
+        rig->host.gl.DeleteTextures(1, &shadow.texture);
+        close_stage(&s);
+    }
+}
+
+static int lit_not_above(void *user, scatter_vec3 p, scatter_vec3 q) {
+    const scatter_vec3 d = check_minus(p, q);
+    (void)user; /* the face below the light is blocked beyond 1 m */
+    return !(-d.y > fabsf(d.x) && -d.y > fabsf(d.z) && -d.y > 1.0f);
+}
+
+/* A cube whose lower face holds a wall 1 m from the light, as perspective depth and as distance. */
+static void cube_shadow_map(gl_rig *rig) {
+    const gl_functions *gl = &rig->host.gl;
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 32);
+    const camera c = make_camera(PLAIN);
+    static float rgb[3 * PIXELS], texels[64 * 64];
+    static picture p;
+    scatter_gl_shadow shadow;
+    scatter_gl_view v;
+    check_world w;
+    stage s;
+    int face, i;
+    open_puffs(&w);
+    open_stage(&s, rig);
+    memset(&shadow, 0, sizeof shadow);
+    shadow.kind = SCATTER_GL_SHADOW_CUBE;
+    shadow.near = 0.1f;
+    shadow.far = 50.0f;
+    gl->GenTextures(1, &shadow.texture);
+    gl->BindTexture(GL_TEXTURE_CUBE_MAP, shadow.texture);
+    for (face = 0; face < 6; face++) {
+        for (i = 0; i < 64 * 64; i++)
+            texels[i] = face == 3 ? 50.0f * (1.0f - 0.1f) / (1.0f * (50.0f - 0.1f)) : 1.0f;
+        gl->TexImage2D(GL_TEXTURE_CUBE_MAP_POSITIVE_X + (GLenum)face, 0, GL_R32F, 64, 64, 0, GL_RED,
+                       GL_FLOAT, texels);
+    }
+    gl->BindTexture(GL_TEXTURE_CUBE_MAP, 0);
+    put_plane(&s, &c, -0.4f);
+    put_world(&s, &w, &shadow, &q, NULL);
+    v = view_of(&s, &c);
+    draw(&s, &v, &p);
+    w.scene.visible = lit_not_above;
+    render(&s, &w, &c, &q, rgb, NULL);
+    assert_at_most(compare(&p, rgb), SAME);
+    w.scene.visible = NULL;
+    render(&s, &w, &c, &q, rgb, NULL);
+    assert_at_least(compare(&p, rgb), 0.02);
+    gl->DeleteTextures(1, &shadow.texture);
+    close_stage(&s);
+}
+
+/* --- targets --- */
+
+/* Two eyes side by side in one framebuffer; what lies between them stays as it was. */
+static void two_views_in_one_target(gl_rig *rig) {
+    enum { HALF = 16, GAP = WIDTH - 2 * HALF };
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 16);
+    const camera c = make_camera(PLAIN);
+    static picture both, left;
+    scatter_gl_view v;
+    check_world w;
+    stage s;
+    int x, y;
+    open_puffs(&w);
+    open_stage(&s, rig);
+    put_world(&s, &w, NULL, &q, NULL);
+    v = view_of(&s, &c);
+    v.width = HALF;
+    draw(&s, &v, &left);
+    v.x = HALF + GAP;
+    assert_int_equal(scatter_gl_draw(s.fog, &v), SCATTER_OK);
+    rig->host.gl.ReadPixels(0, 0, WIDTH, HEIGHT, GL_RGBA, GL_FLOAT, both.rgba);
+    for (y = 0; y < HEIGHT; y++) {
+        const float *row = both.rgba + 4 * y * WIDTH;
+        assert_memory_equal(row, left.rgba + 4 * y * WIDTH, 4 * HALF * sizeof(float));
+        assert_memory_equal(row, row + 4 * (HALF + GAP), 4 * HALF * sizeof(float));
+        for (x = HALF; x < HALF + GAP; x++)
+            assert_memory_equal(row + 4 * x, s.scene, 3 * sizeof(float));
+    }
+    close_stage(&s);
+}
+
+/* Premultiplied alpha: 1 - T over a clear target, and over one that was 1/4 opaque. */
+static void alpha_is_opacity(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 16);
+    const camera c = make_camera(PLAIN);
+    static float rgb[3 * PIXELS], through[3 * PIXELS];
+    static picture p;
+    scatter_gl_view v;
+    check_world w;
+    stage s;
+    int gray, x, y;
+    for (gray = 0; gray < 2; gray++) {
+        open_puffs(&w);
+        if (gray)
+            w.scene.medium.extinction = check_v3(1, 1, 1);
+        open_stage(&s, rig);
+        put_world(&s, &w, NULL, &q, NULL);
+        v = view_of(&s, &c);
+        draw(&s, &v, &p);
+        render(&s, &w, &c, &q, rgb, through);
+        for (y = 0; y < HEIGHT; y++)
+            for (x = 0; x < WIDTH; x++) {
+                const float *t = through + 3 * ((HEIGHT - 1 - y) * WIDTH + x);
+                const float mean = (t[0] + t[1] + t[2]) / 3.0f;
+                const float alpha = 1.0f - mean * (1.0f - 0.25f);
+                assert_at_most(fabsf(p.rgba[4 * (y * WIDTH + x) + 3] - alpha), 1e-5);
+            }
+        close_stage(&s);
+    }
+}
+
+/* A multisampled target holds the same fog in every sample. */
+static void multisampled_target(gl_rig *rig) {
+    const gl_functions *gl = &rig->host.gl;
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 16);
+    const camera c = make_camera(PLAIN);
+    static picture p, resolved;
+    GLuint framebuffer, buffer;
+    scatter_gl_view v;
+    check_world w;
+    stage s;
+    int i;
+    open_puffs(&w);
+    open_stage(&s, rig);
+    put_world(&s, &w, NULL, &q, NULL);
+    v = view_of(&s, &c);
+    draw(&s, &v, &p);
+    gl->GenRenderbuffers(1, &buffer);
+    gl->BindRenderbuffer(GL_RENDERBUFFER, buffer);
+    gl->RenderbufferStorageMultisample(GL_RENDERBUFFER, 4, GL_RGBA16F, WIDTH, HEIGHT);
+    gl->GenFramebuffers(1, &framebuffer);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    gl->FramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, buffer);
+    assert_int_equal(gl->CheckFramebufferStatus(GL_FRAMEBUFFER), GL_FRAMEBUFFER_COMPLETE);
+    gl->ClearColor(s.scene[0], s.scene[1], s.scene[2], 0.25f);
+    gl->Clear(GL_COLOR_BUFFER_BIT);
+    v.framebuffer = framebuffer;
+    assert_int_equal(scatter_gl_draw(s.fog, &v), SCATTER_OK);
+    gl->DeleteTextures(1, &s.color); /* resolving asks for the same format */
+    s.color = make_texture(gl, GL_RGBA16F, WIDTH, HEIGHT, GL_RGBA, NULL);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, s.framebuffer);
+    gl->FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, s.color, 0);
+    gl->BindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
+    gl->BlitFramebuffer(0, 0, WIDTH, HEIGHT, 0, 0, WIDTH, HEIGHT, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, s.framebuffer);
+    gl->ReadPixels(0, 0, WIDTH, HEIGHT, GL_RGBA, GL_FLOAT, resolved.rgba);
+    for (i = 0; i < 4 * PIXELS; i++) /* three roundings to 11 bits: cleared, times T, plus L */
+        assert_at_most(fabsf(resolved.rgba[i] - p.rgba[i]), 3 * 0x1p-11 * (0.01 + p.rgba[i]));
+    gl->DeleteFramebuffers(1, &framebuffer);
+    gl->DeleteRenderbuffers(1, &buffer);
+    close_stage(&s);
+}
+
+/* Half and quarter resolution: smooth fog is interpolated, and surfaces at other distances do not bleed. */
+static void reduced_resolution(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 16);
+    const camera c = make_camera(PLAIN);
+    static float rgb[3 * PIXELS];
+    static picture p;
+    double error[2][3];
+    scatter_gl_view v;
+    check_world w;
+    stage s;
+    int plane, i;
+    open_puffs(&w);
+    open_stage(&s, rig);
+    put_world(&s, &w, NULL, &q, NULL);
+    for (plane = 0; plane < 2; plane++) {
+        if (plane)
+            put_plane(&s, &c, 0.3f);
+        v = view_of(&s, &c);
+        render(&s, &w, &c, &q, rgb, NULL);
+        for (i = 0; i < 3; i++) {
+            v.divide = 1 << i;
+            draw(&s, &v, &p);
+            error[plane][i] = compare(&p, rgb);
+        }
+        /* bilinear interpolation is of second order: a pixel here is 1/10 of a Gaussian's width */
+        assert_at_most(error[plane][0], 10 * SAME);
+        assert_at_most(error[plane][1], plane ? 0.01 : 3e-3);
+        assert_at_most(error[plane][2], plane ? 0.03 : 1.2e-2);
+        assert_at_least(error[plane][2], error[plane][1]);
+    }
+    close_stage(&s);
+}
+
+/* --- the host's own shaders --- */
+
+/* Draws with a fragment shader of the host's that begins with the surface text. */
+static void run_surface(stage *s, const char *body, const float *uniforms, picture *out) {
+    const gl_functions *gl = &s->rig->host.gl;
+    const char *vertex[] = {s->rig->context.es ? "#version 300 es\n" : "#version 330\n",
+                            "void main() { vec2 c = vec2(float((gl_VertexID << 1) & 2), "
+                            "float(gl_VertexID & 2)); gl_Position = vec4(c * 2.0 - 1.0, 0.0, 1.0); }"};
+    const char *fragment[] = {vertex[0], scatter_gl_surface_glsl(s->fog),
+                              "uniform vec4 given[4]; out vec4 color;\n", body};
+    const GLuint program = gl->CreateProgram();
+    GLuint shaders[2], array;
+    GLint done = 0;
+    int i;
+    assert_true(fragment[1] != NULL);
+    for (i = 0; i < 2; i++) {
+        char said[512] = "";
+        shaders[i] = gl->CreateShader(i ? GL_FRAGMENT_SHADER : GL_VERTEX_SHADER);
+        gl->ShaderSource(shaders[i], i ? 4 : 2, i ? fragment : vertex, NULL);
+        gl->CompileShader(shaders[i]);
+        gl->GetShaderiv(shaders[i], GL_COMPILE_STATUS, &done);
+        gl->GetShaderInfoLog(shaders[i], sizeof said, NULL, said);
+        if (!done)
+            fprintf(stderr, "%s\n", said);
+        assert_true(done);
+        gl->AttachShader(program, shaders[i]);
+    }
+    gl->LinkProgram(program);
+    assert_int_equal(scatter_gl_bind_surface(s->fog, program, 3, 5), SCATTER_OK);
+    gl->UseProgram(program);
+    gl->Uniform4fv(gl->GetUniformLocation(program, "given"), 4, uniforms);
+    gl->GenVertexArrays(1, &array);
+    gl->BindVertexArray(array);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, s->framebuffer);
+    gl->Viewport(0, 0, WIDTH, HEIGHT);
+    gl->DrawArrays(GL_TRIANGLES, 0, 3);
+    gl->ReadPixels(0, 0, WIDTH, HEIGHT, GL_RGBA, GL_FLOAT, out->rgba);
+    assert_int_equal(gl->GetError(), GL_NO_ERROR);
+    gl->UseProgram(0);
+    gl->BindVertexArray(0);
+    gl->DeleteVertexArrays(1, &array);
+    gl->DeleteProgram(program);
+    for (i = 0; i < 2; i++)
+        gl->DeleteShader(shaders[i]);
+}
+
+/* T between points on a plane and each of six lights, in two batches, equals that of scatter.h. */
+static void light_on_surfaces(gl_rig *rig) {
+    const scatter_depth_method methods[] = {SCATTER_DEPTH_CLOSED, SCATTER_DEPTH_CLOSED_VOLUME,
+                                            SCATTER_DEPTH_POLAR};
+    static picture p;
+    check_world w;
+    stage s;
+    int m, light, i;
+    open_puffs(&w);
+    w.scene.medium.constant = 0.05f;
+    check_bound(&w, check_cube(-3.0f, 3.0f));
+    for (i = 1; i < 6; i++) {
+        scatter_light *l = check_add_light(&w, i % 2 ? SCATTER_LIGHT_DIRECTIONAL : SCATTER_LIGHT_POINT,
+                                           check_v3(-1.5f, 1.0f, 0.4f * (float)i), check_v3(1, 1, 1));
+        l->direction = check_v3(0.5f, -1.0f, 0.1f * (float)i);
+    }
+    open_stage(&s, rig);
+    for (m = 0; m < 3; m++)
+        for (light = 0; light < 6; light += 5) {
+            const scatter_quality q = quality_of(methods[m], 0);
+            float given[16] = {0};
+            scatter_depth *depth = NULL;
+            const scatter_source source = scatteri_source_of(&w.lights[light]);
+            put_world(&s, &w, NULL, &q, NULL);
+            given[0] = (float)light;
+            run_surface(&s,
+                        "void main() { color = vec4(scatter_light_transmittance(int(given[0].x), "
+                        "vec3(gl_FragCoord.x * 0.1 - 2.0, -0.8, gl_FragCoord.y * 0.1 - 1.5)), 1.0); }",
+                        given, &p);
+            assert_int_equal(scatter_depth_create(NULL, &depth), SCATTER_OK);
+            assert_int_equal(scatter_depth_update(depth, &w.scene.medium, &source, &q), SCATTER_OK);
+            for (i = 0; i < PIXELS; i++) {
+                const scatter_vec3 x = {((float)(i % WIDTH) + 0.5f) * 0.1f - 2.0f, -0.8f,
+                                        ((float)(i / WIDTH) + 0.5f) * 0.1f - 1.5f};
+                const float tau = scatter_depth_at(depth, x);
+                assert_at_most(fabs((double)p.rgba[4 * i + 1] - exp(-(double)tau)), 2e-5);
+            }
+            scatter_depth_destroy(depth);
+        }
+    close_stage(&s);
+}
+
+/* A transparent fragment at distance t: the fog in front of it converges to that of the ray as slices become thin. */
+static void fog_on_transparent_things(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 32);
+    static float rgb[3 * PIXELS];
+    static picture p;
+    double errors[2];
+    check_world w;
+    stage s;
+    int kind, turn, i;
+    open_puffs(&w);
+    w.scene.medium.constant = 0.02f;
+    check_bound(&w, check_cube(-20.0f, 20.0f));
+    check_add_light(&w, SCATTER_LIGHT_DIRECTIONAL, check_v3(0, 0, 0), check_v3(1, 1, 1));
+    w.lights[1].direction = check_v3(0.2f, -1, 0);
+    open_stage(&s, rig);
+    for (kind = PLAIN; kind <= PARALLEL; kind += PARALLEL - PLAIN) {
+        const camera c = make_camera((camera_kind)kind);
+        const scatter_gl_view v = view_of(&s, &c);
+        const scatter_vec3 o = c.rays.origin, d = c.rays.direction;
+        const scatter_vec3 u = kind == PLAIN ? c.rays.direction_dx : c.rays.origin_dx;
+        const scatter_vec3 b = kind == PLAIN ? c.rays.direction_dy : c.rays.origin_dy;
+        const float given[16] = {o.x, o.y, o.z, 4.3f, d.x, d.y, d.z, (float)(kind == PLAIN),
+                                 u.x, u.y, u.z, 0,    b.x, b.y, b.z, 0};
+        for (i = 0; i < PIXELS; i++)
+            s.distance[i] = 4.3f;
+        render(&s, &w, &c, &q, rgb, NULL);
+        put_world(&s, &w, NULL, &q, NULL);
+        for (turn = 0; turn < 2; turn++) {
+            const scatter_gl_froxels f = {WIDTH, HEIGHT, 96 << turn, 0.3f, 9.0f};
+            assert_int_equal(scatter_gl_fill_froxels(s.fog, &v, &f), SCATTER_OK);
+            run_surface(&s,
+                        "void main() { vec2 at = gl_FragCoord.xy / vec2(40.0, 28.0); at.y = 1.0 - at.y;\n"
+                        "vec3 move = at.x * given[2].xyz + at.y * given[3].xyz;\n"
+                        "vec3 o = given[0].xyz, d = given[1].xyz;\n"
+                        "if (given[1].w > 0.5) d += move; else o += move;\n"
+                        "vec3 x = o + given[0].w * normalize(d);\n"
+                        "color = scatter_fog(vec4(0.2, 0.3, 0.4, 1.0), x); }",
+                        given, &p);
+            errors[turn] = compare(&p, rgb);
+        }
+        /* one node a slice: second order; a slice of 96 is 1/3 of the narrowest Gaussian at this distance */
+        assert_at_most(errors[0], 4e-3);
+        assert_at_least(check_order(errors[0], errors[1]), 1.5);
+    }
+    close_stage(&s);
+}
+
+/* --- debug views --- */
+
+static void what_is_shown(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED_VOLUME, 16);
+    const camera c = make_camera(PLAIN);
+    static float rgb[3 * PIXELS], through[3 * PIXELS], black[3 * PIXELS];
+    static picture p;
+    scatter_gl_view v;
+    check_world w;
+    stage s;
+    int x, y;
+    double nodes = 0, error = 0;
+    open_puffs(&w);
+    open_stage(&s, rig);
+    put_plane(&s, &c, -0.4f);
+    put_world(&s, &w, NULL, &q, NULL);
+    memcpy(s.scene, black, sizeof black);
+    render(&s, &w, &c, &q, rgb, through);
+    v = view_of(&s, &c);
+    v.show = SCATTER_GL_SHOW_TRANSMITTANCE;
+    draw(&s, &v, &p);
+    assert_at_most(compare(&p, through), SAME);
+    v.show = SCATTER_GL_SHOW_RADIANCE;
+    draw(&s, &v, &p);
+    assert_at_most(compare(&p, rgb), 10 * SAME); /* 16 nodes, chosen for 16 rays together or for one */
+    v.show = SCATTER_GL_SHOW_DENSITY;
+    draw(&s, &v, &p);
+    for (y = 0; y < HEIGHT; y++)
+        for (x = 0; x < WIDTH; x++) {
+            const double t = (double)through[3 * ((HEIGHT - 1 - y) * WIDTH + x) + 1];
+            assert_at_most(fabs(exp(-(double)p.rgba[4 * (y * WIDTH + x)]) - t), 1e-5);
+        }
+    v.show = SCATTER_GL_SHOW_LIGHT_DEPTH;
+    draw(&s, &v, &p);
+    for (x = 0; x < PIXELS; x++) /* no more than the whole of all Gaussians: sum c sqrt(pi)/a */
+        assert_true(p.rgba[4 * x] >= 0.0f && p.rgba[4 * x] < 5.4f);
+    v.show_light = 1;
+    draw(&s, &v, &p);
+    for (x = 0; x < PIXELS; x++) /* there is no second light */
+        assert_true(p.rgba[4 * x] == 0.0f);
+    v.show = SCATTER_GL_SHOW_NODES;
+    draw(&s, &v, &p);
+    for (x = 0; x < PIXELS; x++)
+        nodes += 256.0 * (double)p.rgba[4 * x] / PIXELS;
+    assert_true(nodes > 4 && nodes < 64);
+    v.show = SCATTER_GL_SHOW_ERROR;
+    draw(&s, &v, &p);
+    for (x = 0; x < PIXELS; x++)
+        error = fmax(error, (double)p.rgba[4 * x]);
+    assert_true(error > 0 && error < 0.01);
+    close_stage(&s);
+}
+
+int main(void) {
+    static const gl_case cases[] = {
+        {"every camera", every_camera},
+        {"far away", far_away},
+        {"NaN in the depth buffer", nan_in_depth},
+        {"many lights", many_lights},
+        {"fog to the horizon", fog_to_the_horizon},
+        {"flat shadow maps", flat_shadow_maps},
+        {"cube shadow map", cube_shadow_map},
+        {"two views in one target", two_views_in_one_target},
+        {"alpha is opacity", alpha_is_opacity},
+        {"multisampled target", multisampled_target},
+        {"reduced resolution", reduced_resolution},
+        {"light on surfaces", light_on_surfaces},
+        {"fog on transparent things", fog_on_transparent_things},
+        {"what is shown", what_is_shown}};
+    return gl_rig_run_all(cases, CHECK_COUNT(cases));
+}
