@@ -24,6 +24,9 @@ WARNINGS = -pedantic -Wall -Wextra -Wconversion -Wshadow -Wundef -Wstrict-protot
 STRICT = -std=c99 $(WARNINGS) -D_POSIX_C_SOURCE=200809L
 COMPILE = $(CC) $(STRICT) $(CPPFLAGS) $(CFLAGS) -MMD -MP -MF $@.d -MT $@
 LINK = $(CC) $(CFLAGS)
+CXX = g++
+STRICT_CXX = -std=c++20 $(filter-out -Wstrict-prototypes,$(WARNINGS))
+COMPILE_CXX = $(CXX) $(STRICT_CXX) $(CPPFLAGS) $(CFLAGS) -MMD -MP -MF $@.d -MT $@
 LIBS = -lpthread -lm
 REFERENCE_LIBS = -lgsl -lgslcblas
 MPFR_LIBS = -lmpfr -lgmp
@@ -41,7 +44,7 @@ HEADERS = scatter.h scatter_gl.h
 .DELETE_ON_ERROR:
 .SECONDARY:
 .PHONY: all clean unit logs sanitize fuzz demo gallery test bench bench-quick bench-peers glsl accuracy
-.PHONY: install $(SUITES) $(FUZZERS)
+.PHONY: install $(SUITES) test_glm $(FUZZERS)
 
 all: $(PROGRAMS:%=$(BUILD)/%)
 
@@ -98,13 +101,33 @@ $(BUILD)/test_core: $(BUILD)/test_core.o
 $(BUILD)/test_scene: $(BUILD)/test_scene.o
 	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(LIBS)
 
+# Shaders of scatter_gl.h as C++; most of their functions and arguments are not used in each of them.
+$(BUILD)/glsl_text: tests/glsl_text.c | $(BUILD)
+	$(COMPILE) $< -o $@ $(LIBS)
+
+$(BUILD)/glm_%.inc: $(BUILD)/glsl_text
+	$< $* >$@
+
+GLM_WARNINGS = -Wall -Wextra -Wno-unused -Wno-unused-parameter $(filter -Werror,$(WARNINGS))
+GLM_NAMES = -DGLM_TEXT='"$(<F)"' -DGLM_NAME=glm_$* -DGLM_TITLE='"$*"'
+$(BUILD)/glm_%.o: $(BUILD)/glm_%.inc tests/glsl_glm.cpp
+	$(CXX) -std=c++20 $(GLM_WARNINGS) $(CFLAGS) -MMD -MP -MF $@.d -MT $@ -I$(BUILD) $(GLM_NAMES) \
+	    -c tests/glsl_glm.cpp -o $@
+
+$(BUILD)/test_glm.o: tests/test_glm.cpp | $(BUILD)
+	$(COMPILE_CXX) -c $< -o $@
+
+GLM_SHADERS = $(shell sed -n 's/^ *S.\([a-z_]*\),.*/\1/p' tests/glsl_glm.h)
+$(BUILD)/test_glm: $(BUILD)/test_glm.o $(GLM_SHADERS:%=$(BUILD)/glm_%.o)
+	$(CXX) $(CFLAGS) $^ -o $@ $(CMOCKA_LIBS) $(LIBS)
+
 $(BUILD)/test_%: $(BUILD)/test_%.o $(BUILD)/reference.o
 	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(REFERENCE_LIBS) $(LIBS)
 
 $(BUILD)/hard_cases: $(BUILD)/hard_cases.o $(BUILD)/reference.o
 	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(REFERENCE_LIBS) $(LIBS)
 
-$(SUITES): %: $(BUILD)/%
+$(SUITES) test_glm: %: $(BUILD)/%
 	$<
 
 unit: $(SUITES)

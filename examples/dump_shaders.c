@@ -17,7 +17,7 @@ static const char *const versions[] = {"330 core", "410 core", "450 core", "300 
 /* One of these at a time. Features that are not named here are free. A number: layers at once. */
 static const char *const exclusive[][4] = {
     {"ONE_LOBE", "TWO_LOBES"},
-    {"CELLS", "POLAR", "CELLS EYE"},
+    {"CLOSED", "CELLS", "POLAR", "CELLS EYE"},
     {"SHADOW_2D_0", "SHADOW_ARRAY_0", "SHADOW_CUBE_0"},
     {"SHADOW_2D_1", "SHADOW_ARRAY_1", "SHADOW_CUBE_1"},
     {"SHADOW_2D_2", "SHADOW_ARRAY_2", "SHADOW_CUBE_2"},

@@ -327,6 +327,20 @@ accept_shaders() {
         "$shaders.program" "$shaders" && glslangValidator "$shaders"/*
 }
 
+title_glm="GLSL compiled as C++ with GLM and run on the CPU, against scatter.h"
+step_glm() {
+    suites glm test_glm CC=gcc CFLAGS=-O1
+    refuse "a planted fault that no chapter has" 'no chapter says' planted_nowhere
+}
+
+# The tool that plants faults stops where there is nothing to replace.
+planted_nowhere() {
+    sed 's/"g.w \* (t - m)"/"g.w * planted"/' tests/glsl_glm.h >"$PLANTED/glsl_glm.h"
+    sed "s|\"../scatter_gl.h\"|\"$PWD/scatter_gl.h\"|" tests/glsl_text.c >"$PLANTED/glsl_text.c"
+    gcc -std=c99 -O1 "$PLANTED/glsl_text.c" -o "$PLANTED/glsl_text" -lm &&
+        "$PLANTED/glsl_text" bad_gaussian
+}
+
 # ------------------------------------------------------------------------------------ README
 
 # The first block of C.

@@ -1,0 +1,65 @@
+/* glsl_glm.h - the shaders of scatter_gl.h that are compiled as C++ and run on the CPU, and what each
+   of them hands to tests/test_glm.cpp. */
+#ifndef GLSL_GLM_H
+#define GLSL_GLM_H
+
+#define GLM_CLOSED "GAUSSIANS CLOSED COLORED ONE_LOBE POINT SPOT DIRECTIONAL"
+#define GLM_CELLS "GAUSSIANS EMISSION TWO_LOBES POINT SPOT DIRECTIONAL CELLS"
+#define GLM_EYE "GAUSSIANS POINT DIRECTIONAL CELLS EYE"
+#define GLM_POLAR "GAUSSIANS FIELD BOUNDED POINT DIRECTIONAL POLAR"
+#define GLM_FOG "GAUSSIANS CLOSED FOG BOUNDED POINT SPOT DIRECTIONAL"
+#define GLM_OPEN_FOG "FOG COLORED POINT SPOT DIRECTIONAL"
+#define GLM_MAPS "SHADOW_2D_0 SHADOW_ARRAY_1 SHADOW_CUBE_2"
+#define GLM_SHADOWS "GAUSSIANS CLOSED POINT SPOT DIRECTIONAL " GLM_MAPS
+#define GLM_MARCH "GAUSSIANS FIELD FOG POINT SPOT DIRECTIONAL POLAR MARCH"
+#define GLM_THROUGH "GAUSSIANS CLOSED COLORED ONE_LOBE TRANSMITTANCE"
+
+/* Shaders of the view pass: name, features; planted fault: text of a chapter, what takes its place. */
+#define GLM_SHADERS(S) \
+    S(closed, GLM_CLOSED, "", "") \
+    S(cells, GLM_CELLS, "", "") \
+    S(eye, GLM_EYE, "", "") \
+    S(polar, GLM_POLAR, "", "") \
+    S(fog, GLM_FOG, "", "") \
+    S(open_fog, GLM_OPEN_FOG, "", "") \
+    S(shadows, GLM_SHADOWS, "", "") \
+    S(march, GLM_MARCH, "", "") \
+    S(through, GLM_THROUGH, "", "") \
+    S(bad_gaussian, GLM_CLOSED, "g.w * (t - m)", "g.w * (t + m)") \
+    S(bad_cone, GLM_CLOSED, "k * k * ou", "k * ou") \
+    S(bad_cells, GLM_CELLS, "centre / cells)", "(centre + 0.5) / cells)") \
+    S(bad_polar, GLM_POLAR, "- 1.0) + 0.5;", "- 1.0);") \
+    S(bad_fog, GLM_FOG, "(h.y - x.y) / h.z", "(h.y + x.y) / h.z") \
+    S(bad_shadow, GLM_SHADOWS, "far * (z - near)", "far * (z + near)")
+
+#ifdef __cplusplus
+
+/* A picture, a volume, the layers of an array or the faces of a cube (+x, -x, +y, -y, +z, -z). */
+struct fake_texture {
+    int width, height, depth; /* depth: slices, layers, faces */
+    int row, slice;           /* texels from one to the next */
+    int channels;
+    bool smooth;              /* linear between texels; else the nearest */
+    const float *texels;
+};
+
+struct glm_shader {
+    const char *name;
+    void (*set_block)(int which, const float *values); /* 0 medium, 1 lights, 2 view */
+    void (*bind)(const char *sampler, const fake_texture *texture);
+    void (*pixel)(float x, float y, float *rgba); /* gl_FragCoord in, scatteri_color out */
+    /* Single functions; NULL where the shader has not got them. Positions relative to `ref`. */
+    float (*fog_density)(const float *x);
+    float (*fog_depth)(const float *x, const float *to, float segment);
+    float (*field_density)(const float *x);
+    float (*closed_depth)(const float *x, const float *to, float segment);
+    float (*depth_to)(int light, const float *x, const float *to, float distance);
+    void (*cone_edges)(int light, const float *origin, const float *direction, float k, float *t);
+    bool (*visible)(int light, const float *x);
+};
+
+#define GLM_DECLARE(name, features, fault, instead) extern const glm_shader glm_##name;
+GLM_SHADERS(GLM_DECLARE)
+
+#endif
+#endif
