@@ -424,6 +424,14 @@ SCATTER_API unsigned char scatter_srgb8(float linear);
 
 #ifdef __cplusplus
 }
+
+/* C++: from whatever has x, y and z, such as glm::vec3. */
+extern "C++" {
+template <class V> inline scatter_vec3 scatter_v3(const V &v)
+{
+    return scatter_v3(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z));
+}
+}
 #endif
 #endif /* SCATTER_H */
 
