@@ -62,6 +62,9 @@ $(BUILD)/scatter-%: examples/%.c | $(BUILD)
 $(BUILD)/scatter-generate: examples/scenes/generate.c | $(BUILD)
 	$(COMPILE) $< -o $@ $(LIBS)
 
+$(BUILD)/scatter-host_glm: examples/host_glm.cpp | $(BUILD)
+	$(COMPILE_CXX) $< -o $@ -ldl $(LIBS)
+
 $(BUILD)/glsl: tests/glsl.c | $(BUILD)
 	$(COMPILE) $< -o $@ $(LIBS)
 

@@ -331,6 +331,27 @@ title_glm="GLSL compiled as C++ with GLM and run on the CPU, against scatter.h"
 step_glm() {
     suites glm test_glm CC=gcc CFLAGS=-O1
     refuse "a planted fault that no chapter has" 'no chapter says' planted_nowhere
+    check "host_glm, clang++" strict clang++:c++20 -fsyntax-only examples/host_glm.cpp
+    check "host_glm draws fog" draws_fog examples/host_glm.cpp
+    host_faults
+}
+
+# draws_fog SOURCE: its picture is not flat, which would be 2 kB of PNG.
+draws_fog() {
+    strict g++:c++11 "$1" -o "$OUT/host_glm" -ldl -lm && "$OUT/host_glm" "$OUT/host_glm.png" &&
+        [ -n "$(find "$OUT/host_glm.png" -size +8k)" ] || { echo "no picture of fog"; return 1; }
+}
+
+host_faults() {
+    local bad=$PLANTED/examples
+    mkdir -p "$bad"
+    cp $HEADERS "$PLANTED"
+    cp examples/files.h examples/gl_context.h "$bad"
+    sed 's/scatter_gl_draw(fog, &view)/SCATTER_OK/' examples/host_glm.cpp >"$bad/empty.cpp"
+    refuse "a host that draws no fog" 'no picture of fog' draws_fog "$bad/empty.cpp"
+    sed 's/glm::vec3(0.95f)/glm::vec2(0.95f)/' examples/host_glm.cpp >"$bad/flat.cpp"
+    refuse "a vector of two numbers" "no member named .*z" \
+        strict g++:c++11 -fsyntax-only "$bad/flat.cpp"
 }
 
 # The tool that plants faults stops where there is nothing to replace.
