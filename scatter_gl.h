@@ -448,7 +448,8 @@ enum {
     SCATTERI_GL_BATCH = 4,    /* lights to a depth volume: its channels */
     SCATTERI_GL_CASCADES = 4, /* of a shadow map */
     SCATTERI_GL_HEIGHTS = 8,  /* terms of height fog: as in the block */
-    SCATTERI_GL_SLICES = 8    /* layers of a volume that one pass fills, at most */
+    SCATTERI_GL_SLICES = 8,   /* layers of a volume that one pass fills, at most */
+    SCATTERI_GL_FEW = 64      /* Gaussians up to which their closed forms pay: half the rows of the block */
 };
 
 #define SCATTERI_GL_ROW 1024 /* texels in a row of the table of Gaussians; also in GLSL */
@@ -484,7 +485,8 @@ enum {
     V(field_per)  /* 1/size of that box; w: not used */ \
     V(nodes)      /* in a panel, features in a panel, steps of the march */ \
     V(trim)       /* of the rays, in units of a^2 r^2 */ \
-    A(heights, 8) /* density, y0, scale */
+    A(heights, 8) /* density, y0, scale */ \
+    A(few, 128)   /* Gaussians 2 i and 2 i + 1 of the table, if they are few and thin */
 
 /* Four lights; those that are not there have no intensity. */
 #define SCATTERI_GL_LIGHTS_BLOCK(V, A) \
@@ -1032,11 +1034,16 @@ static const char scatteri_gl_table[] =
     "    const int row = " SCATTERI_GL_TEXT(SCATTERI_GL_ROW) ";\n"
     "    return texelFetch(scatteri_gaussians, ivec2(i % row, i / row), 0);\n"
     "}\n"
+    "#ifdef SCATTERI_FEW_THIN\n"
+    "#define SCATTERI_ROW_OF(i) scatteri_few[i]\n"
+    "#else\n"
+    "#define SCATTERI_ROW_OF(i) scatteri_gauss_texel(i)\n"
+    "#endif\n"
     "vec4 scatteri_gauss_place(int i) {\n" /* centre, a */
-    "    return scatteri_gauss_texel(2 * i);\n"
+    "    return SCATTERI_ROW_OF(2 * i);\n"
     "}\n"
     "vec4 scatteri_gauss_weight(int i) {\n" /* c, reach, c sqrt(pi)/(2a), sqrt(reach)/a */
-    "    return scatteri_gauss_texel(2 * i + 1);\n"
+    "    return SCATTERI_ROW_OF(2 * i + 1);\n"
     "}\n";
 
 /* Depth of all Gaussians between x and `segment` metres towards `to`. */
@@ -1049,9 +1056,13 @@ static const char scatteri_gl_gaussians[] =
     /* From a m and a (length - m). Thick Gaussians by the form that keeps its digits in the tails, and so short
        segments, whose mean density would lose them. */
     "float scatteri_gauss_span(float low, float high, float half_length, float thick) {\n"
+    "#ifdef SCATTERI_FEW_THIN\n"
+    "    return scatteri_quick_span(clamp(low, -3.6, 3.6), clamp(high, -3.6, 3.6));\n"
+    "#else\n"
     "    if (thick < " SCATTERI_GL_TEXT(SCATTERI_QUICK) " && half_length > 0.05)\n"
     "        return scatteri_quick_span(clamp(low, -3.6, 3.6), clamp(high, -3.6, 3.6));\n"
     "    return scatteri_erf_span(max(low, -1e6), min(high, 1e6), min(half_length, 1e6));\n"
+    "#endif\n"
     "}\n"
     "float scatteri_gauss_depth_to(vec4 g, vec4 c, vec3 x, vec3 to, float segment) {\n"
     "    vec3 d = g.xyz - x;\n"
@@ -2646,8 +2657,8 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
     F(EMISSION) \
     F(ONE_LOBE)    /* phase function; neither: isotropic */ \
     F(TWO_LOBES) \
-    F(POINT)       /* kinds of lights in the batch */ \
-    F(SPOT) \
+    F(FEW_THIN)    /* Gaussians that a block holds, none of them opaque */ \
+    F(SPOT)        /* kinds of lights in the batch */ \
     F(DIRECTIONAL) \
     F(CLOSED)      /* depth of Gaussians to the lights in closed form */ \
     F(CELLS)       /* from cells of the local box */ \
@@ -3498,6 +3509,31 @@ static scatter_box scatteri_gl_box(const scatter_gl *f, int exists, scatter_box 
     return exists ? scatteri_box_from(box, f->ref) : all;
 }
 
+/* Half the depth of a Gaussian that is passed through its centre. */
+static float scatteri_gl_half_depth(const scatteri_gaussians *g, int i)
+{
+    return g->c[i] * 0.886226925f / g->a[i];
+}
+
+/* The two rows of Gaussian i. */
+static void scatteri_gl_put_gaussian(const scatter_gl *f, int i, float *to)
+{
+    const scatteri_gaussians *g = &f->medium.gaussians;
+    scatteri_gl_put(to, g->x[i] - f->ref.x, g->y[i] - f->ref.y, g->z[i] - f->ref.z, g->a[i]);
+    scatteri_gl_put(to + 4, g->c[i], g->reach[i], scatteri_gl_half_depth(g, i),
+                    g->reach[i] > 0.0f ? scatteri_sqrt(g->reach[i]) / g->a[i] : -1.0f);
+}
+
+/* Whether the quick erf and the block of few Gaussians serve them all. */
+static int scatteri_gl_few_and_thin(const scatter_gl *f)
+{
+    const scatteri_gaussians *g = &f->medium.gaussians;
+    int i, thin = g->count > 0 && g->count <= (int)SCATTERI_GL_FEW;
+    for (i = 0; i < g->count && thin; i++)
+        thin = f->medium.sigma_most * scatteri_gl_half_depth(g, i) < SCATTERI_QUICK;
+    return thin;
+}
+
 static void scatteri_gl_send_medium(scatter_gl *f)
 {
     const scatteri_medium *m = &f->medium;
@@ -3505,6 +3541,7 @@ static void scatteri_gl_send_medium(scatter_gl *f)
     const scatter_box bounds = scatteri_gl_box(f, d->bounded, d->bounds);
     const scatter_box local = scatteri_gl_box(f, m->has_local, m->local);
     scatteri_gl_medium_block *b = &f->medium_block;
+    const size_t few = scatteri_gl_few_and_thin(f) ? (size_t)m->gaussians.count : 0;
     size_t i;
     memset(b, 0, sizeof *b);
     scatteri_gl_put3(b->extinction, d->extinction, m->sigma_most);
@@ -3534,6 +3571,8 @@ static void scatteri_gl_send_medium(scatter_gl *f)
     for (i = 0; i < d->height_count && i < (size_t)SCATTERI_GL_HEIGHTS; i++)
         scatteri_gl_put(b->heights[i], d->heights[i].density, d->heights[i].y0 - f->ref.y,
                         d->heights[i].scale, 0.0f);
+    for (i = 0; i < few; i++)
+        scatteri_gl_put_gaussian(f, (int)i, &b->few[0][0] + 8 * i);
     scatteri_gl_send(f, f->medium_buffer, b, sizeof *b);
 }
 
@@ -3840,6 +3879,8 @@ static unsigned scatteri_gl_medium_features(const scatter_gl *f)
     unsigned features = 0;
     if (f->quality.density == SCATTER_DENSITY_EXACT && m->gaussians.count > 0)
         features |= SCATTERI_GL_HAS_GAUSSIANS;
+    if (scatteri_gl_few_and_thin(f))
+        features |= SCATTERI_GL_HAS_FEW_THIN;
     if (f->density != NULL)
         features |= SCATTERI_GL_HAS_FIELD;
     if (m->has_analytic)
@@ -3883,7 +3924,7 @@ static scatteri_gl_lamp *scatteri_gl_source_in(scatter_gl *f, int batch, int cha
 
 static unsigned scatteri_gl_lamp_features(const scatteri_gl_lamp *lamp, int channel)
 {
-    static const unsigned kinds[] = {SCATTERI_GL_HAS_POINT, SCATTERI_GL_HAS_SPOT,
+    static const unsigned kinds[] = {0, SCATTERI_GL_HAS_SPOT,
                                      SCATTERI_GL_HAS_DIRECTIONAL};
     unsigned features = kinds[lamp->desc.light.kind];
     if (lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE)
@@ -3930,12 +3971,8 @@ static void scatteri_gl_send_gaussians(scatter_gl *f)
     if (rows == 0)
         return;
     memset(f->scratch, 0, (size_t)rows * SCATTERI_GL_ROW * 4 * sizeof(float));
-    for (i = 0; i < g->count; i++) {
-        float *to = f->scratch + 8 * i;
-        scatteri_gl_put(to, g->x[i] - f->ref.x, g->y[i] - f->ref.y, g->z[i] - f->ref.z, g->a[i]);
-        scatteri_gl_put(to + 4, g->c[i], g->reach[i], g->c[i] * 0.886226925f / g->a[i],
-                        g->reach[i] > 0.0f ? scatteri_sqrt(g->reach[i]) / g->a[i] : -1.0f);
-    }
+    for (i = 0; i < g->count; i++)
+        scatteri_gl_put_gaussian(f, i, f->scratch + 8 * i);
     scatteri_gl_upload(f, &f->gaussians, rows, f->scratch);
 }
 
@@ -4054,8 +4091,6 @@ static scatter_result scatteri_gl_update_batch(scatter_gl *f, int batch)
 }
 
 /* --- quality --- */
-
-enum { SCATTERI_GL_FEW = 64 }; /* Gaussians up to which their closed forms pay */
 
 static scatter_quality scatteri_gl_resolve(const scatter_gl *f, const scatter_quality *quality)
 {
