@@ -10,9 +10,7 @@ cd "$(dirname "$0")/.." || exit 1
 unset MAKEFLAGS MFLAGS MAKELEVEL
 export LC_ALL=C
 STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes scenes_gl compile symbols names"
-STEPS="$STEPS vectors tcc mingw glsl readme install bench fuzz"
-STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes compile symbols names vectors tcc mingw glsl glm readme"
-STEPS="$STEPS install bench fuzz"
+STEPS="$STEPS vectors tcc mingw glsl glm readme install bench fuzz"
 JOBS=$(nproc)
 OUT=build/test
 PLANTED=$OUT/planted # copies of project files with a fault in them
