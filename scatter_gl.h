@@ -387,6 +387,7 @@ enum {
     F(unsigned, GetUniformBlockIndex, (unsigned program, const char *name)) \
     F(int, GetUniformLocation, (unsigned program, const char *name)) \
     F(scatteri_gl_byte, IsEnabled, (unsigned what)) \
+    F(scatteri_gl_byte, IsTexture, (unsigned name)) \
     F(void, LinkProgram, (unsigned program)) \
     F(void, PixelStorei, (unsigned name, int value)) \
     F(void, SamplerParameteri, (unsigned sampler, unsigned name, int value)) \
@@ -611,7 +612,8 @@ struct scatter_gl {
     int es, version;          /* 330, 450, 300 ... */
     int max_3d, max_2d, draw_buffers;
     int can_blend_float, can_filter_float, can_draw_float, can_draw_half;
-    int lost; /* no GL calls any more */
+    int lost;    /* no GL calls any more */
+    int dropped; /* textures were deleted since the state was saved */
 
     scatteri_medium medium;
     scatter_vec3 ref; /* of all positions on the GPU */
@@ -3179,8 +3181,11 @@ static void scatteri_gl_restore_input(const scatter_gl *f, const scatteri_gl_sta
     unsigned i, t;
     for (i = 0; i < (unsigned)SCATTERI_GL_UNITS; i++) {
         gl->ActiveTexture(SCATTERI_GL_TEXTURE_0 + i);
-        for (t = 0; t < (unsigned)SCATTERI_GL_TARGETS; t++)
-            gl->BindTexture(scatteri_gl_targets[t], (unsigned)s->textures[i][t]);
+        for (t = 0; t < (unsigned)SCATTERI_GL_TARGETS; t++) {
+            const unsigned name = (unsigned)s->textures[i][t];
+            /* one of the fog's own, which scatter_gl_bind_surface had bound, may be gone */
+            gl->BindTexture(scatteri_gl_targets[t], f->dropped && !gl->IsTexture(name) ? 0 : name);
+        }
         gl->BindSampler(i, (unsigned)s->samplers[i]);
     }
     gl->ActiveTexture((unsigned)s->unit);
@@ -3244,9 +3249,10 @@ static void scatteri_gl_prepare(const scatter_gl *f)
     gl->BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, 2, f->view_buffer);
 }
 
-static void scatteri_gl_save(const scatter_gl *f, scatteri_gl_state *s)
+static void scatteri_gl_save(scatter_gl *f, scatteri_gl_state *s)
 {
     memset(s, 0, sizeof *s);
+    f->dropped = 0;
     if (!f->desc.keep_state) {
         s->program = scatteri_gl_get(f, SCATTERI_GL_CURRENT_PROGRAM);
         s->vertex_array = scatteri_gl_get(f, SCATTERI_GL_VERTEX_ARRAY_BINDING);
@@ -3288,6 +3294,7 @@ static void scatteri_gl_drop_texture(scatter_gl *f, scatteri_gl_texture *t)
 {
     if (t->name != 0 && !f->lost)
         f->gl.DeleteTextures(1, &t->name);
+    f->dropped |= t->name != 0;
     if (t->name != 0)
         f->stats.texture_bytes -= scatteri_gl_texture_bytes(t);
     memset(t, 0, sizeof *t);

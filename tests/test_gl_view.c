@@ -312,7 +312,7 @@ static void every_camera(gl_rig *rig) {
         render(&s, &w, &c, &q, rgb, NULL);
         if (!check_at_most(c.name, compare(&p, rgb), SAME))
             fail();
-        v.reversed = !v.reversed; /* planted: the wrong convention */
+        v.zero_to_one = !v.zero_to_one; /* planted: the wrong convention */
         draw(&s, &v, &p);
         assert_at_least(compare(&p, rgb), 100 * SAME);
     }
@@ -517,14 +517,14 @@ static void flat_shadow_maps(gl_rig *rig) {
         v = view_of(&s, &c);
         draw(&s, &v, &p);
         render(&s, &w, &c, &q, rgb, NULL);
-        assert_at_least(compare(&p, rgb), 0.05); /* without the wall it is another picture */
+        assert_at_least(compare(&p, rgb), 0.02); /* without the wall it is another picture */
         w.scene.visible = lit_right;
         render(&s, &w, &c, &q, dark, NULL);
         assert_at_most(compare(&p, dark), SAME);
         shadow.reversed = 1; /* nothing is in front of 0, and 1 is in front of everything */
         put_world(&s, &w, &shadow, &q, NULL);
         draw(&s, &v, &p);
-        assert_at_least(compare(&p, dark), 0.05);
+        assert_at_least(compare(&p, dark), 0.02);
         rig->host.gl.DeleteTextures(1, &shadow.texture);
         close_stage(&s);
     }
@@ -673,8 +673,8 @@ static void multisampled_target(gl_rig *rig) {
     gl->BlitFramebuffer(0, 0, WIDTH, HEIGHT, 0, 0, WIDTH, HEIGHT, GL_COLOR_BUFFER_BIT, GL_NEAREST);
     gl->BindFramebuffer(GL_FRAMEBUFFER, s.framebuffer);
     gl->ReadPixels(0, 0, WIDTH, HEIGHT, GL_RGBA, GL_FLOAT, resolved.rgba);
-    for (i = 0; i < 4 * PIXELS; i++) /* three roundings to 11 bits: cleared, times T, plus L */
-        assert_at_most(fabsf(resolved.rgba[i] - p.rgba[i]), 3 * 0x1p-11 * (0.01 + p.rgba[i]));
+    for (i = 0; i < 4 * PIXELS; i++) /* three cuts to 11 bits: cleared, times T, plus L */
+        assert_at_most(fabsf(resolved.rgba[i] - p.rgba[i]), 3 * 0x1p-10 * p.rgba[i]);
     gl->DeleteFramebuffers(1, &framebuffer);
     gl->DeleteRenderbuffers(1, &buffer);
     close_stage(&s);
@@ -704,12 +704,14 @@ static void reduced_resolution(gl_rig *rig) {
             draw(&s, &v, &p);
             error[plane][i] = compare(&p, rgb);
         }
-        /* bilinear interpolation is of second order: a pixel here is 1/10 of a Gaussian's width */
         assert_at_most(error[plane][0], 10 * SAME);
-        assert_at_most(error[plane][1], plane ? 0.01 : 3e-3);
-        assert_at_most(error[plane][2], plane ? 0.03 : 1.2e-2);
-        assert_at_least(error[plane][2], error[plane][1]);
     }
+    /* Between values h apart a line misses a Gaussian's peak by (a h)^2/4 of it: 4 % at 2 pixels of 0.1 m for a = 2/m.
+       At the edge of the plane up to one row of pixels finds no neighbour on its own side. */
+    assert_at_most(error[0][1], 0.04);
+    assert_at_least(check_order(error[0][2], error[0][1]), 1.5);
+    assert_at_most(error[1][1], 0.04);
+    assert_at_most(error[1][2], 0.16);
     close_stage(&s);
 }
 
