@@ -291,6 +291,8 @@ enum {
     SCATTERI_GL_ONE = 1,
     SCATTERI_GL_ONE_MINUS_SRC_ALPHA = 0x0303,
     SCATTERI_GL_QUERY_AVAILABLE = 0x8867,
+    SCATTERI_GL_QUERY_BUFFER = 0x9192,
+    SCATTERI_GL_QUERY_BUFFER_BINDING = 0x9193,
     SCATTERI_GL_QUERY_RESULT = 0x8866,
     SCATTERI_GL_R16F = 0x822D,
     SCATTERI_GL_R32F = 0x822E,
@@ -4966,7 +4968,7 @@ static int scatteri_gl_has_extension(const scatter_gl *f, const char *name)
 static void scatteri_gl_drop_newer(scatter_gl *f)
 {
     scatteri_gl_functions *gl = &f->gl;
-    if (f->es || f->version < 400) {
+    if (f->version < (f->es ? 320 : 400)) {
         gl->BlendFuncSeparatei = NULL;
         gl->BlendEquationSeparatei = NULL;
     }
@@ -4974,8 +4976,9 @@ static void scatteri_gl_drop_newer(scatter_gl *f)
         gl->ViewportIndexedf = NULL;
         gl->ScissorIndexed = NULL;
     }
-    if (f->es) {
+    if (f->es && f->version < 320)
         gl->ColorMaski = NULL;
+    if (f->es) {
         gl->PolygonMode = NULL;
         gl->QueryCounter = NULL;
     }
@@ -5366,12 +5369,18 @@ static float scatteri_gl_time(scatter_gl *f, int which)
 
 SCATTER_API scatter_gl_times scatter_gl_get_times(scatter_gl *f)
 {
+    const int query_buffer = !f->es && f->version >= 440 && !f->lost;
+    const int bound = query_buffer ? scatteri_gl_get(f, SCATTERI_GL_QUERY_BUFFER_BINDING) : 0;
     scatter_gl_times times;
+    if (bound != 0) /* results would go into it */
+        f->gl.BindBuffer(SCATTERI_GL_QUERY_BUFFER, 0);
     times.inject = scatteri_gl_time(f, SCATTERI_GL_TIME_INJECT);
     times.depth = scatteri_gl_time(f, SCATTERI_GL_TIME_DEPTH);
     times.view = scatteri_gl_time(f, SCATTERI_GL_TIME_VIEW);
     times.upsample = scatteri_gl_time(f, SCATTERI_GL_TIME_UPSAMPLE);
     times.froxels = scatteri_gl_time(f, SCATTERI_GL_TIME_FROXELS);
+    if (bound != 0)
+        f->gl.BindBuffer(SCATTERI_GL_QUERY_BUFFER, (unsigned)bound);
     return times;
 }
 
