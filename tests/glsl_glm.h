@@ -13,6 +13,9 @@
 #define GLM_SHADOWS "GAUSSIANS CLOSED POINT SPOT DIRECTIONAL " GLM_MAPS
 #define GLM_MARCH "GAUSSIANS FIELD FOG POINT SPOT DIRECTIONAL POLAR MARCH"
 #define GLM_THROUGH "GAUSSIANS CLOSED COLORED ONE_LOBE TRANSMITTANCE"
+#define GLM_SHOW "GAUSSIANS CLOSED COLORED ONE_LOBE POINT SPOT DIRECTIONAL SHOW"
+#define GLM_ALL \
+    "GAUSSIANS FIELD FOG BOUNDED COLORED EMISSION TWO_LOBES POINT SPOT DIRECTIONAL POLAR " GLM_MAPS
 
 /* Shaders of the view pass: name, features; planted fault: text of a chapter, what takes its place. */
 #define GLM_SHADERS(S) \
@@ -25,6 +28,8 @@
     S(shadows, GLM_SHADOWS, "", "") \
     S(march, GLM_MARCH, "", "") \
     S(through, GLM_THROUGH, "", "") \
+    S(show, GLM_SHOW, "", "") \
+    S(all, GLM_ALL, "", "") \
     S(bad_gaussian, GLM_CLOSED, "g.w * (t - m)", "g.w * (t + m)") \
     S(bad_cone, GLM_CLOSED, "k * k * ou", "k * ou") \
     S(bad_cells, GLM_CELLS, "centre / cells)", "(centre + 0.5) / cells)") \

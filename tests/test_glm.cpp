@@ -192,6 +192,7 @@ struct stage {
     std::vector<scatter_gl_light> lights;
     scatter_quality quality;
     bool has_eye;
+    scatter_gl_show show;
     scatter_gl *fog;
     scatter_context *context;
     camera eye;
@@ -276,6 +277,8 @@ void draw(stage *s)
     v.zero_to_one = s->eye.zero_to_one;
     v.width = WIDTH;
     v.height = HEIGHT;
+    v.show = s->show;
+    v.show_light = 0;
     v.depth_texture = s->ends.empty() ? 0u : 1u;
     assert_int_equal(scatter_gl_draw(s->fog, &v), SCATTER_OK);
 }
@@ -764,6 +767,119 @@ void test_shadows(void **)
     close_stage(&s);
 }
 
+/* Everything at once, and what no two of the scenes above have together. */
+void make_all(stage *s)
+{
+    open_world(s, "dsp", 3);
+    check_add_height(&s->world, 0.2f, 0.1f, 0.4f);
+    check_add_grid(&s->world, 9, 7, 5, check_cube(0.1f, 0.9f), 3);
+    check_bound(&s->world, check_cube(-0.6f, 1.6f));
+    s->world.scene.medium.extinction = check_v3(1.0f, 1.5f, 2.0f);
+    s->world.scene.medium.emission = check_v3(0.1f, 0.2f, 0.3f);
+    s->world.scene.medium.phase.kind = SCATTER_PHASE_DROPLETS;
+    s->world.scene.medium.phase.diameter_um = 8.0f;
+    s->lights.resize(3);
+    shadow_of_sun(s);
+    shadow_of_spot(s);
+    shadow_of_lamp(s);
+    s->world.scene.visible = misses_sheet;
+    s->quality.depth = SCATTER_DEPTH_POLAR;
+    s->quality.density = SCATTER_DENSITY_EXACT;
+    s->quality.grid = 24;
+    s->quality.nodes = 64;
+    open_stage(s);
+}
+
+void test_all(void **)
+{
+    stage s = {};
+    make_all(&s);
+    expect(COMPARE(&s, all), 3.2e-4, 3.2e-4); /* voxels: see test_polar */
+    close_stage(&s);
+}
+
+/* ------------------------------------------------------------------------------------------ >>show */
+
+/* Integrals of D and of D tau to light 0 along a ray, in 400 steps. */
+void integrate(const stage *s, const scatter_ray *ray, double *density, double *depth)
+{
+    const scatter_medium *m = &s->world.scene.medium;
+    const double h = 5.0 / 400;
+    *density = *depth = 0.0;
+    for (int k = 0; k < 400; k++) {
+        const scatter_vec3 x = check_along(ray->origin, (float)((k + 0.5) * h), ray->direction);
+        const double d = h * (double)scatter_density(m, x);
+        *density += d;
+        *depth += d * (double)scatter_optical_depth(m, x, s->world.lights[0].position);
+    }
+}
+
+/* What a debug view shows of a ray (of the light in the fog only where it shines); red and blue, which differ where colours do. */
+void expected(const stage *s, int i, int j, double *red, double *blue)
+{
+    const scatter_ray ray = ray_of(s, i, j);
+    const scatter_sample sample = look(s, i, j);
+    double density, depth;
+    integrate(s, &ray, &density, &depth);
+    *red = *blue = s->show == SCATTER_GL_SHOW_DENSITY ? density : depth / density;
+    if (s->show == SCATTER_GL_SHOW_TRANSMITTANCE)
+        *red = (double)sample.transmittance.x, *blue = (double)sample.transmittance.z;
+    if (s->show == SCATTER_GL_SHOW_RADIANCE)
+        *red = (double)sample.radiance.x, *blue = (double)sample.radiance.z;
+}
+
+double error_of_show(stage *s, scatter_gl_show show)
+{
+    check_error e = check_no_error();
+    s->show = show;
+    draw(s);
+    bind_shader(s, &glm_show, features_show);
+    for (int j = 0; j < HEIGHT; j++)
+        for (int i = 0; i < WIDTH; i++) {
+            double red, blue;
+            float rgba[4];
+            glm_show.pixel((float)i + 0.5f, (float)j + 0.5f, rgba);
+            expected(s, i, j, &red, &blue);
+            check_add(&e, (double)rgba[0], red);
+            check_add(&e, (double)rgba[2], blue);
+        }
+    printf("show %d: %.3g\n", (int)show, check_rms(&e));
+    return check_rms(&e);
+}
+
+/* Mean over the picture of what a debug view shows. */
+double mean_of_show(stage *s, scatter_gl_show show)
+{
+    double sum = 0;
+    s->show = show;
+    draw(s);
+    bind_shader(s, &glm_show, features_show);
+    for (int k = 0; k < WIDTH * HEIGHT; k++) {
+        float rgba[4];
+        glm_show.pixel((float)(k % WIDTH) + 0.5f, (float)(k / WIDTH) + 0.5f, rgba);
+        sum += (double)rgba[0] / (WIDTH * HEIGHT);
+    }
+    return sum;
+}
+
+void test_show(void **)
+{
+    stage s = {};
+    make_closed(&s);
+    assert_at_most(error_of_show(&s, SCATTER_GL_SHOW_DENSITY), COVERAGE);
+    assert_at_most(error_of_show(&s, SCATTER_GL_SHOW_LIGHT_DEPTH), 1e-4);
+    assert_at_most(error_of_show(&s, SCATTER_GL_SHOW_TRANSMITTANCE), COVERAGE);
+    assert_at_most(error_of_show(&s, SCATTER_GL_SHOW_RADIANCE), ROUNDING);
+    const double nodes = 256 * mean_of_show(&s, SCATTER_GL_SHOW_NODES);
+    const double error = mean_of_show(&s, SCATTER_GL_SHOW_ERROR);
+    printf("nodes of a ray: %.3g, error shown: %.3g\n", nodes, error);
+    assert_at_least(nodes, 3 * 8); /* three lights */
+    assert_at_most(nodes, 3 * 256);
+    assert_at_least(error, 1e-9);
+    assert_at_most(error, 1e-2 * mean_of_show(&s, SCATTER_GL_SHOW_RADIANCE));
+    close_stage(&s);
+}
+
 /* ------------------------------------------------------------------------------------- >>functions */
 
 /* Random points around the unit cube, as the shader has them. */
@@ -1069,6 +1185,7 @@ int main()
         cmocka_unit_test(test_transmittance), cmocka_unit_test(test_cameras),
         cmocka_unit_test(test_cells),         cmocka_unit_test(test_eye),
         cmocka_unit_test(test_polar),         cmocka_unit_test(test_fog),
-        cmocka_unit_test(test_march),         cmocka_unit_test(test_shadows)};
+        cmocka_unit_test(test_march),         cmocka_unit_test(test_shadows),
+        cmocka_unit_test(test_all),           cmocka_unit_test(test_show)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
