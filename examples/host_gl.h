@@ -35,6 +35,7 @@
     X(BindTexture, void, (unsigned target, unsigned texture))                                      \
     X(BindVertexArray, void, (unsigned array))                                                     \
     X(CheckFramebufferStatus, unsigned, (unsigned target))                                         \
+    X(ClearBufferfv, void, (unsigned what, int which, const float *value))                         \
     X(CompileShader, void, (unsigned shader))                                                      \
     X(CreateProgram, unsigned, (void))                                                             \
     X(CreateShader, unsigned, (unsigned kind))                                                     \
@@ -76,6 +77,7 @@
     X(Uniform1i, void, (int at, int x))                                                            \
     X(Uniform2f, void, (int at, float x, float y))                                                 \
     X(Uniform3fv, void, (int at, int count, const float *values))                                  \
+    X(Uniform4fv, void, (int at, int count, const float *values))                                  \
     X(UniformMatrix4fv, void, (int at, int count, unsigned char turned, const float *values))      \
     X(UseProgram, void, (unsigned program))                                                        \
     X(Viewport, void, (int x, int y, int width, int height))
@@ -136,12 +138,15 @@ static inline int host_gl_read(host_gl *host, const file_picture *picture);
 
 enum {
     HOST_GL_NONE = 0,
-    HOST_GL_TRIANGLES = 4,
+    HOST_GL_TRIANGLE_STRIP = 5,
+    HOST_GL_LESS = 0x0201,
+    HOST_GL_GREATER = 0x0204,
     HOST_GL_ALWAYS = 0x0207,
     HOST_GL_DEPTH_TEST = 0x0B71,
     HOST_GL_MAX_TEXTURE_SIZE = 0x0D33,
     HOST_GL_TEXTURE_2D = 0x0DE1,
     HOST_GL_FLOAT = 0x1406,
+    HOST_GL_DEPTH = 0x1801,
     HOST_GL_DEPTH_COMPONENT = 0x1902,
     HOST_GL_RGBA = 0x1908,
     HOST_GL_RENDERER = 0x1F01,
@@ -230,11 +235,13 @@ static inline unsigned host_gl_link(host_gl *host, unsigned vertex, unsigned fra
     return 0;
 }
 
-/* A triangle that covers the picture, at a depth that every convention shows. */
-static const char host_gl_cover[] = "void main() {\n"
-                                    "    gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, "
-                                    "gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);\n"
-                                    "}\n";
+/* A rectangle of the picture, corners in 0..1, at a depth that every convention shows. */
+static const char host_gl_cover[] =
+    "uniform vec4 cover;\n"
+    "void main() {\n"
+    "    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);\n"
+    "    gl_Position = vec4(mix(cover.xy, cover.zw, corner) * 2.0 - 1.0, 0.0, 1.0);\n"
+    "}\n";
 
 static inline const char *host_gl_version(const host_gl *host)
 {
@@ -310,14 +317,11 @@ static inline void host_gl_put(float *row, int texel, scatter_vec3 v, float w)
     row[4 * texel + 3] = w;
 }
 
-static inline void host_gl_shape_row(const host_gl *host, const scene_shape *shape, float *row)
+static inline void host_gl_shape_row(const scene_shape *shape, float *row)
 {
-    double eye[3];
-    scene_doubles(host->file->eye, eye);
-    int casts = shape->kind != SCENE_PLANE && scene_depth(shape, eye) <= 0;
     host_gl_put(row, 0, shape->a, (float)shape->kind);
     host_gl_put(row, 1, shape->b, shape->radius);
-    host_gl_put(row, 2, shape->albedo, (float)casts);
+    host_gl_put(row, 2, shape->albedo, 0);
 }
 
 static inline void host_gl_light_row(const scatter_light *light, float *row)
@@ -348,7 +352,7 @@ static inline int host_gl_fill_rows(host_gl *host)
     if (!rows)
         return host_gl_fail(host, "out of memory");
     for (size_t i = 0; i < file->shape_count; i++)
-        host_gl_shape_row(host, &file->shapes[i], rows + HOST_GL_ROW * i);
+        host_gl_shape_row(&file->shapes[i], rows + HOST_GL_ROW * i);
     for (size_t i = 0; i < file->scene.light_count; i++)
         host_gl_light_row(&file->lights[i], rows + HOST_GL_ROW * (file->shape_count + i));
     host->rows = host_gl_texture(host, 0, 4, count ? (int)count : 1, rows);
@@ -638,26 +642,21 @@ static const char host_gl_picture[] =
     "    gl_FragDepth = depth_range.x * (clip.z / clip.w) + depth_range.y;\n"
     "}\n";
 
-/* A shadow map. Fog is never inside a solid, so any depth between where the light enters a solid
-   and where it leaves it tells the same; the middle is farthest from both, and needs no bias. */
-static const char host_gl_middle[] = "uniform mat4 map;    // world to texture\n"
-                                     "uniform float far;   // not 0: distance / far instead\n"
-                                     "uniform float empty; // depth where there is nothing\n"
+/* A solid in a shadow map. Fog is never inside it, so any depth between where the light enters it and
+   where it leaves it tells the same; the middle is farthest from both, and needs no bias. */
+static const char host_gl_middle[] = "uniform int solid;\n"
+                                     "uniform mat4 map;  // world to texture\n"
+                                     "uniform float far; // not 0: distance / far instead\n"
                                      "\n"
                                      "void main() {\n"
                                      "    vec3 o, d;\n"
-                                     "    float nearest = never;\n"
                                      "    aim(o, d);\n"
-                                     "    for (int i = 0; i < shapes; i++) {\n"
-                                     "        if (row(i, 2).w == 0.0)\n"
-                                     "            continue;\n"
-                                     "        vec2 t = span(i, o, d, 0.0);\n"
-                                     "        if (t.x <= t.y && t.y > 0.0)\n"
-                                     "            nearest = min(nearest, 0.5 * (t.x + t.y));\n"
-                                     "    }\n"
-                                     "    vec4 at = map * vec4(o + nearest * d, 1.0);\n"
-                                     "    float depth = far > 0.0 ? nearest / far : at.z / at.w;\n"
-                                     "    gl_FragDepth = nearest < never ? depth : empty;\n"
+                                     "    vec2 t = span(solid, o, d, 0.0);\n"
+                                     "    float middle = 0.5 * (t.x + t.y);\n"
+                                     "    if (t.x > t.y || middle <= 0.0)\n"
+                                     "        discard;\n"
+                                     "    vec4 at = map * vec4(o + middle * d, 1.0);\n"
+                                     "    gl_FragDepth = far > 0.0 ? middle / far : at.z / at.w;\n"
                                      "}\n";
 
 /* ------------------------------------------------------------------------------------ >>lights */
@@ -694,6 +693,14 @@ static inline int host_gl_shut_out(const scene_file *file, const scatter_light *
     return 0;
 }
 
+/* What casts shadows, as above: a solid that the eye is not in. */
+static inline int host_gl_casts(const scene_file *file, const scene_shape *shape)
+{
+    double eye[3];
+    scene_doubles(file->eye, eye);
+    return shape->kind != SCENE_PLANE && !host_gl_is_in(shape, eye, NULL);
+}
+
 /* A plane across the light's way: its axes, and the rectangle of it that the shadow map shows. Of a
    directional light in metres, else at the distance 1. */
 typedef struct host_gl_frame {
@@ -720,7 +727,13 @@ static inline void host_gl_frame_axes(const scatter_light *light, host_gl_frame 
     memcpy(frame->axes[2], forward, sizeof forward);
 }
 
-/* Widens the rectangle to a corner of a solid; 0 where that lies behind the light. */
+static inline void host_gl_empty(host_gl_frame *frame)
+{
+    frame->low[0] = frame->low[1] = frame->first = HUGE_VAL;
+    frame->high[0] = frame->high[1] = -HUGE_VAL;
+}
+
+/* Widens the rectangle to a point; 0 where that lies behind the light. */
 static inline int host_gl_hold_point(host_gl_frame *frame, const double *p)
 {
     double r[3] = {p[0] - frame->origin[0], p[1] - frame->origin[1], p[2] - frame->origin[2]};
@@ -734,10 +747,12 @@ static inline int host_gl_hold_point(host_gl_frame *frame, const double *p)
     return frame->directional || along > 1e-3;
 }
 
+/* Widens the rectangle to the box around a solid; returns how many of its eight corners lie before
+   the light. */
 static inline int host_gl_hold_solid(host_gl_frame *frame, const scene_shape *shape)
 {
     double low[3], high[3];
-    int before = 1;
+    int before = 0;
     scene_doubles(shape->a, low);
     scene_doubles(shape->kind == SCENE_SPHERE ? shape->a : shape->b, high);
     for (int i = 0; i < 3 && shape->kind == SCENE_SPHERE; i++) {
@@ -748,7 +763,7 @@ static inline int host_gl_hold_solid(host_gl_frame *frame, const scene_shape *sh
         double p[3];
         for (int i = 0; i < 3; i++)
             p[i] = corner >> i & 1 ? high[i] : low[i];
-        before &= host_gl_hold_point(frame, p);
+        before += host_gl_hold_point(frame, p);
     }
     return before;
 }
@@ -758,27 +773,40 @@ static inline int host_gl_hold_solid(host_gl_frame *frame, const scene_shape *sh
 static inline int host_gl_fit(const host_gl *host, const scatter_light *light, host_gl_frame *frame)
 {
     const scene_file *file = host->file;
-    int before = 1, solids = 0;
-    double cone = frame->directional ? HUGE_VAL : tan((double)light->outer), eye[3];
-    scene_doubles(file->eye, eye);
-    frame->low[0] = frame->low[1] = frame->first = HUGE_VAL;
-    frame->high[0] = frame->high[1] = -HUGE_VAL;
-    for (size_t i = 0; i < file->shape_count; i++) {
-        const scene_shape *shape = &file->shapes[i];
-        if (shape->kind == SCENE_PLANE || scene_depth(shape, eye) > 0)
-            continue;
-        before &= host_gl_hold_solid(frame, shape);
-        solids++;
-    }
+    int behind = 0, solids = 0;
+    double cone = frame->directional ? HUGE_VAL : tan((double)light->outer);
+    host_gl_empty(frame);
+    for (size_t i = 0; i < file->shape_count; i++)
+        if (host_gl_casts(file, &file->shapes[i])) {
+            behind += 8 - host_gl_hold_solid(frame, &file->shapes[i]);
+            solids++;
+        }
     for (int i = 0; i < 2; i++) {
-        double low = before ? fmax(frame->low[i], -cone) : -cone;
-        double high = before ? fmin(frame->high[i], cone) : cone;
+        double low = behind ? -cone : fmax(frame->low[i], -cone);
+        double high = behind ? cone : fmin(frame->high[i], cone);
         double margin = 2 * (high - low) / (host->shadow_map - 4); /* two texels */
         frame->low[i] = low - margin;
         frame->high[i] = high + margin;
         solids = high > low ? solids : 0;
     }
     return solids > 0;
+}
+
+/* The part of the frame that a solid may cover, corners in 0..1; 0: nothing. */
+static inline int host_gl_cover_of(const host_gl_frame *frame, const scene_shape *shape,
+                                   float cover[4])
+{
+    host_gl_frame own = *frame;
+    host_gl_empty(&own);
+    int before = host_gl_hold_solid(&own, shape);
+    for (int i = 0; i < 2; i++) {
+        double size = frame->high[i] - frame->low[i];
+        double low = (own.low[i] - frame->low[i]) / size - 0.001;
+        double high = (own.high[i] - frame->low[i]) / size + 0.001;
+        cover[i] = before < 8 ? 0 : (float)fmax(low, 0);
+        cover[2 + i] = before < 8 ? 1 : (float)fmin(high, 1);
+    }
+    return before > 0 && cover[0] < cover[2] && cover[1] < cover[3];
 }
 
 /* World to texture. A spot light's depth is reversed and reaches infinitely far, for floats are
@@ -834,44 +862,56 @@ static inline host_gl_rays host_gl_frame_rays(const host_gl_frame *frame)
     return rays;
 }
 
-/* Through a face of a cube around the light, in the order and with the axes that GL gives them. */
-static inline host_gl_rays host_gl_face_rays(const scatter_light *light, int face)
+/* A face of a cube around the light, in the order and with the axes that GL gives them. */
+static inline host_gl_frame host_gl_face(const scatter_light *light, int face)
 {
-    static const float axes[6][2][3] = {{{0, 0, -1}, {0, -1, 0}}, {{0, 0, 1}, {0, -1, 0}},
-                                        {{1, 0, 0}, {0, 0, 1}},   {{1, 0, 0}, {0, 0, -1}},
-                                        {{1, 0, 0}, {0, -1, 0}},  {{-1, 0, 0}, {0, -1, 0}}};
-    const float(*a)[3] = axes[face];
-    float out[3] = {0, 0, 0};
-    host_gl_rays rays;
-    memset(&rays, 0, sizeof rays);
-    out[face / 2] = face % 2 ? -1 : 1;
-    rays.v[0] = light->position;
-    rays.v[3] = scatter_v3(out[0] - a[0][0] - a[1][0], out[1] - a[0][1] - a[1][1],
-                           out[2] - a[0][2] - a[1][2]);
-    rays.v[4] = scatter_v3(2 * a[0][0], 2 * a[0][1], 2 * a[0][2]);
-    rays.v[5] = scatter_v3(2 * a[1][0], 2 * a[1][1], 2 * a[1][2]);
-    return rays;
+    static const double axes[6][2][3] = {{{0, 0, -1}, {0, -1, 0}}, {{0, 0, 1}, {0, -1, 0}},
+                                         {{1, 0, 0}, {0, 0, 1}},   {{1, 0, 0}, {0, 0, -1}},
+                                         {{1, 0, 0}, {0, -1, 0}},  {{-1, 0, 0}, {0, -1, 0}}};
+    host_gl_frame frame = {{0}, {{0}}, {-1, -1}, {1, 1}, 0, 0};
+    scene_doubles(light->position, frame.origin);
+    memcpy(frame.axes, axes[face], sizeof axes[face]);
+    frame.axes[2][face / 2] = face % 2 ? -1 : 1;
+    return frame;
 }
 
-/* One map, or one face of a cube. */
-static inline int host_gl_draw_map(host_gl *host, unsigned target, unsigned texture, int side,
-                                   const host_gl_rays *rays, const scatter_gl_shadow *shadow)
+/* All solids into one map, or one face of a cube. */
+static inline void host_gl_draw_solids(host_gl *host, const host_gl_frame *frame)
 {
+    const scene_file *file = host->file;
+    for (size_t i = 0; i < file->shape_count; i++) {
+        float cover[4];
+        if (!host_gl_casts(file, &file->shapes[i]) ||
+            !host_gl_cover_of(frame, &file->shapes[i], cover))
+            continue;
+        host->gl.Uniform4fv(host_gl_at(host, host->shadow, "cover"), 1, cover);
+        host->gl.Uniform1i(host_gl_at(host, host->shadow, "solid"), (int)i);
+        host->gl.DrawArrays(HOST_GL_TRIANGLE_STRIP, 0, 4);
+    }
+}
+
+static inline int host_gl_draw_map(host_gl *host, unsigned target, int side,
+                                   const host_gl_frame *frame, const scatter_gl_shadow *shadow)
+{
+    const float empty = shadow->reversed ? 0.0f : 1.0f;
     unsigned program = host->shadow;
+    host_gl_rays rays = host_gl_frame_rays(frame);
     host->gl.BindFramebuffer(HOST_GL_FRAMEBUFFER, host->shadow_framebuffer);
-    host->gl.FramebufferTexture2D(HOST_GL_FRAMEBUFFER, HOST_GL_DEPTH_ATTACHMENT, target, texture,
-                                  0);
+    host->gl.FramebufferTexture2D(HOST_GL_FRAMEBUFFER, HOST_GL_DEPTH_ATTACHMENT, target,
+                                  shadow->texture, 0);
     if (host->gl.CheckFramebufferStatus(HOST_GL_FRAMEBUFFER) != HOST_GL_FRAMEBUFFER_COMPLETE)
         return host_gl_fail(host, "the driver does not draw shadow maps of %dx%d", side, side);
     host->gl.Viewport(0, 0, side, side);
+    host->gl.ClearBufferfv(HOST_GL_DEPTH, 0, &empty);
+    host->gl.DepthFunc(shadow->reversed ? HOST_GL_GREATER : HOST_GL_LESS);
     host->gl.BindTexture(HOST_GL_TEXTURE_2D, host->rows);
     host->gl.UseProgram(program);
     host->gl.Uniform2f(host_gl_at(host, program, "pixels"), (float)side, (float)side);
-    host->gl.Uniform3fv(host_gl_at(host, program, "ray"), 6, &rays->v[0].x);
+    host->gl.Uniform3fv(host_gl_at(host, program, "ray"), 6, &rays.v[0].x);
     host->gl.UniformMatrix4fv(host_gl_at(host, program, "map"), 1, 0, shadow->matrix[0]);
     host->gl.Uniform1f(host_gl_at(host, program, "far"), shadow->far);
-    host->gl.Uniform1f(host_gl_at(host, program, "empty"), shadow->reversed ? 0.0f : 1.0f);
-    host->gl.DrawArrays(HOST_GL_TRIANGLES, 0, 3);
+    host_gl_draw_solids(host, frame);
+    host->gl.DepthFunc(HOST_GL_ALWAYS);
     return 0;
 }
 
@@ -882,37 +922,32 @@ static inline int host_gl_cube_map(host_gl *host, scatter_gl_light *light)
     light->shadow.far = 1e6f;
     light->shadow.texture = host_gl_cube(host, side);
     for (int face = 0; face < 6 && !failed; face++) {
-        host_gl_rays rays = host_gl_face_rays(&light->light, face);
-        failed = host_gl_draw_map(host, HOST_GL_CUBE_FACE + (unsigned)face, light->shadow.texture,
-                                  side, &rays, &light->shadow);
+        host_gl_frame frame = host_gl_face(&light->light, face);
+        failed = host_gl_draw_map(host, HOST_GL_CUBE_FACE + (unsigned)face, side, &frame,
+                                  &light->shadow);
     }
     return failed;
 }
 
 static inline int host_gl_flat_map(host_gl *host, scatter_gl_light *light)
 {
+    int side = host->shadow_map;
     host_gl_frame frame;
     host_gl_frame_axes(&light->light, &frame);
     if (!host_gl_fit(host, &light->light, &frame))
         return 0;
-    host_gl_rays rays = host_gl_frame_rays(&frame);
     light->shadow.kind = SCATTER_GL_SHADOW_2D;
     light->shadow.reversed = !frame.directional;
-    light->shadow.texture = host_gl_texture(host, 1, host->shadow_map, host->shadow_map, NULL);
+    light->shadow.texture = host_gl_texture(host, 1, side, side, NULL);
     host_gl_frame_matrix(&frame, light->shadow.matrix[0]);
-    return host_gl_draw_map(host, HOST_GL_TEXTURE_2D, light->shadow.texture, host->shadow_map,
-                            &rays, &light->shadow);
+    return host_gl_draw_map(host, HOST_GL_TEXTURE_2D, side, &frame, &light->shadow);
 }
 
 static inline int host_gl_has_casters(const host_gl *host)
 {
-    double eye[3];
-    scene_doubles(host->file->eye, eye);
-    for (size_t i = 0; i < host->file->shape_count; i++) {
-        const scene_shape *shape = &host->file->shapes[i];
-        if (shape->kind != SCENE_PLANE && scene_depth(shape, eye) <= 0)
+    for (size_t i = 0; i < host->file->shape_count; i++)
+        if (host_gl_casts(host->file, &host->file->shapes[i]))
             return 1;
-    }
     return 0;
 }
 
@@ -954,6 +989,7 @@ static inline int host_gl_surface(host_gl *host, const char *glsl)
 {
     static const char none[] =
         "vec3 scatter_light_transmittance(int light, vec3 world) { return vec3(1.0); }\n";
+    static const float whole[4] = {0, 0, 1, 1};
     const char *text[] = {host_gl_version(host), glsl ? glsl : none, host_gl_spans, host_gl_visible,
                           host_gl_picture};
     const scene_file *file = host->file;
@@ -966,6 +1002,7 @@ static inline int host_gl_surface(host_gl *host, const char *glsl)
     host->gl.DeleteProgram(host->program);
     host->program = program;
     host_gl_sources(host, program);
+    host->gl.Uniform4fv(host_gl_at(host, program, "cover"), 1, whole);
     host->gl.Uniform2f(host_gl_at(host, program, "pixels"), (float)width, (float)height);
     host->gl.Uniform3fv(host_gl_at(host, program, "ray"), 6, &rays.v[0].x);
     host->gl.Uniform3fv(host_gl_at(host, program, "background"), 1, &file->scene.background.x);
@@ -986,7 +1023,7 @@ static inline void host_gl_draw(host_gl *host)
     host->gl.BindTexture(HOST_GL_TEXTURE_2D, host->rows);
     host->gl.BindVertexArray(host->array);
     host->gl.UseProgram(host->program);
-    host->gl.DrawArrays(HOST_GL_TRIANGLES, 0, 3);
+    host->gl.DrawArrays(HOST_GL_TRIANGLE_STRIP, 0, 4);
 }
 
 static inline int host_gl_read(host_gl *host, const file_picture *picture)
