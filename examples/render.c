@@ -463,7 +463,7 @@ static int render_on_gpu(const options *o, const scene_file *file, host_state *s
     if (!status)
         status = render(o, file, state, picture, &gl, t);
     if (!status) {
-        gpu->passes = scatter_gl_get_times(gl.fog);
+        gpu->passes = gl.passes;
         gpu->texture_bytes = scatter_gl_get_stats(gl.fog).texture_bytes;
         if (host_gl_read(&gl.scene, picture))
             status = complain(1, "%s: %s", o->scene, render_gl_why(&gl));

@@ -29,6 +29,7 @@ typedef struct render_gl {
     scatter_gl *fog;
     scatter_quality quality;
     const scatter_medium *medium;
+    scatter_gl_times passes; /* GPU time of the last call of each */
 } render_gl;
 
 /* The sentence of what went wrong outside of the library; empty: it is in the library's log. */
@@ -42,12 +43,18 @@ static inline int render_gl_failed(scatter_result result)
     return result != SCATTER_OK;
 }
 
+static inline void render_gl_finish(render_gl *r)
+{
+    r->scene.gl.Finish();
+    r->passes = scatter_gl_get_times(r->fog);
+}
+
 /* A medium that the fog has to work for: density and light depths as after the first call. */
 static inline int render_gl_update(render_gl *r)
 {
     int failed = render_gl_failed(scatter_gl_set_medium(r->fog, r->medium)) ||
                  render_gl_failed(scatter_gl_update(r->fog, &r->quality, NULL));
-    r->scene.gl.Finish();
+    render_gl_finish(r);
     return failed;
 }
 
@@ -58,7 +65,7 @@ static inline int render_gl_forget(render_gl *r)
     memset(&none, 0, sizeof none);
     int failed = render_gl_failed(scatter_gl_set_medium(r->fog, &none)) ||
                  render_gl_failed(scatter_gl_update(r->fog, &r->quality, NULL));
-    r->scene.gl.Finish();
+    render_gl_finish(r);
     return failed;
 }
 
@@ -75,7 +82,7 @@ static inline int render_gl_scene(render_gl *r)
 static inline int render_gl_fog(render_gl *r)
 {
     int failed = render_gl_failed(scatter_gl_draw(r->fog, &r->scene.fog_view));
-    r->scene.gl.Finish();
+    render_gl_finish(r);
     return failed;
 }
 
