@@ -3911,29 +3911,51 @@ static unsigned scatteri_gl_medium_features(const scatter_gl *f);
    by one comparison. */
 enum { SCATTERI_GL_MANY = 256 };
 
-/* What columns sum up: Gaussians in closed form, or the field that holds them. */
+/* Whether columns sum up the terms themselves rather than the field that holds them all. */
+static int scatteri_gl_columns_exact(const scatter_gl *f)
+{
+    return f->medium.desc.grid_count <= 1 && f->medium.gaussians.count <= (int)SCATTERI_GL_MANY;
+}
+
 static unsigned scatteri_gl_column_features(const scatter_gl *f)
 {
-    const scatteri_medium *m = &f->medium;
-    const unsigned features = scatteri_gl_medium_features(f);
-    if (m->desc.grid_count > 0 || m->gaussians.count > (int)SCATTERI_GL_MANY)
+    const unsigned terms = (unsigned)(SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FIELD);
+    unsigned features = scatteri_gl_medium_features(f);
+    if (!scatteri_gl_columns_exact(f))
         return features;
-    return (features | (unsigned)SCATTERI_GL_HAS_GAUSSIANS) & ~(unsigned)SCATTERI_GL_HAS_FIELD;
+    features &= ~terms;
+    features |= f->medium.gaussians.count > 0 ? (unsigned)SCATTERI_GL_HAS_GAUSSIANS : 0u;
+    return features | (f->medium.desc.grid_count > 0 ? (unsigned)SCATTERI_GL_HAS_FIELD : 0u);
+}
+
+static scatter_result scatteri_gl_propagate_columns(scatter_gl *f, const scatteri_gl_texture *volume)
+{
+    const scatteri_gl_texture *density = f->density;
+    const int other = scatteri_gl_columns_exact(f) && f->medium.desc.grid_count > 0 &&
+                      density != &f->grids[0];
+    scatter_result result;
+    if (other)
+        scatteri_gl_read_grid(f, 0);
+    result = scatteri_gl_sum_columns(f, volume, scatteri_gl_column_features(f));
+    f->density = density;
+    if (other)
+        scatteri_gl_send_medium(f);
+    return result;
 }
 
 /* Fills f->volumes[batch] with the depth of its sources, whose block was sent. */
 static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch)
 {
     const scatteri_gl_texture *volume = &f->volumes[batch];
-    const unsigned features = scatteri_gl_medium_features(f);
     f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, 1, f->light_buffers[batch]);
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_GAUSSIANS, &f->gaussians);
     scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_FIELD, f->density);
     if (f->quality.depth == SCATTER_DEPTH_POLAR)
-        return scatteri_gl_sum_columns(f, volume, scatteri_gl_column_features(f));
+        return scatteri_gl_propagate_columns(f, volume);
     if (f->quality.depth == SCATTER_DEPTH_UPWIND)
         return scatteri_gl_sweep(f, volume);
-    return scatteri_gl_run_pass(f, SCATTERI_GL_PASS_CLOSED, features, volume, 0);
+    return scatteri_gl_run_pass(f, SCATTERI_GL_PASS_CLOSED, scatteri_gl_medium_features(f), volume,
+                                0);
 }
 
 /* ----------------------------------------------------------------------------------------- >>update */
