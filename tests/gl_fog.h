@@ -82,8 +82,8 @@ static inline void gl_fog_make_target(gl_rig *rig, gl_fog *f)
     gl_fog_fill_target(rig, f);
 }
 
-/* Random settings come to depth and shadow maps as to all textures, but no swizzle: that would be
-   another map. The active unit gets its bindings back. */
+/* Random settings come to depth and shadow maps as to all textures, but no swizzle and no stencil:
+   that would be another map. The active unit gets its bindings back. */
 static inline void gl_fog_plain_maps(gl_rig *rig, gl_fog *f)
 {
     static const GLenum kinds[] = {GL_TEXTURE_2D, GL_TEXTURE_2D_ARRAY, GL_TEXTURE_CUBE_MAP,
@@ -94,6 +94,8 @@ static inline void gl_fog_plain_maps(gl_rig *rig, gl_fog *f)
         GLint before = gl_get(gl, gl_texture_binding(kinds[i]));
         gl->BindTexture(kinds[i], i < 3 ? f->shadow[i] : f->depth);
         gl->TexParameteri(kinds[i], GL_TEXTURE_SWIZZLE_R, GL_RED);
+        if (gl_has(gl, 43, 31))
+            gl->TexParameteri(kinds[i], GL_DEPTH_STENCIL_TEXTURE_MODE, GL_DEPTH_COMPONENT);
         gl->BindTexture(kinds[i], (GLuint)before);
     }
 }
@@ -149,7 +151,7 @@ static inline void gl_fog_random(gl_fog *f, uint64_t seed)
 {
     static const scatter_depth_method depths[] = {SCATTER_DEPTH_AUTO, SCATTER_DEPTH_CLOSED,
                                                   SCATTER_DEPTH_CLOSED_VOLUME, SCATTER_DEPTH_UPWIND,
-                                                  SCATTER_DEPTH_POLAR};
+                                                  SCATTER_DEPTH_POLAR}; /* grids: the last two */
     int i;
     check_world_open(&f->world);
     check_add_gaussians(&f->world, (size_t)gl_pick(&seed, 9), 1, 4, seed);
@@ -161,7 +163,8 @@ static inline void gl_fog_random(gl_fog *f, uint64_t seed)
     for (i = 0; i < 6; i++)
         gl_fog_light(f, i, &seed);
     memset(&f->quality, 0, sizeof f->quality);
-    f->quality.depth = depths[gl_pick(&seed, CHECK_COUNT(depths))];
+    i = f->world.scene.medium.grid_count ? 3 : 0;
+    f->quality.depth = depths[i + gl_pick(&seed, 5 - i)];
     f->quality.density = (scatter_density_method)gl_pick(&seed, 3);
     f->quality.ray = (scatter_ray_method)gl_pick(&seed, 2);
     f->quality.grid = 6 + gl_pick(&seed, 3);
