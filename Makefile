@@ -124,6 +124,9 @@ GLM_SHADERS = $(shell sed -n 's/^ *S.\([a-z_]*\),.*/\1/p' tests/glsl_glm.h)
 $(BUILD)/test_glm: $(BUILD)/test_glm.o $(GLM_SHADERS:%=$(BUILD)/glm_%.o)
 	$(CXX) $(CFLAGS) $^ -o $@ $(CMOCKA_LIBS) $(LIBS)
 
+$(BUILD)/test_gl_state: $(BUILD)/test_gl_state.o
+	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(LIBS) -ldl
+
 $(BUILD)/test_%: $(BUILD)/test_%.o $(BUILD)/reference.o
 	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(REFERENCE_LIBS) $(LIBS)
 

@@ -42,7 +42,7 @@
    GL state that is touched, saved before each call and restored behind it (unless desc.keep_state):
      program, vertex array, draw framebuffer; viewport 0, scissor test 0; blending, its functions and equations, colour
      masks of all draw buffers; depth, stencil, culling, rasterizer discard, alpha to coverage and to one, sample
-     coverage and mask, logic operation, polygon smoothing and mode, point size by program, clip distances (all off in
+     coverage and mask, logic operation, polygon smoothing and mode, clip control, point size by program, clip distances (all off in
      between); texture units 0..10: 2D, 3D, 2D array and cube bindings and samplers; active unit; uniform buffer
      bindings 0..2 and the general one; pixel unpack buffer and storage.
      Nothing is cached from call to call, and glGetError is never called. Not touched: read framebuffer, array and
@@ -263,6 +263,8 @@ enum {
     SCATTERI_GL_BLEND_SRC_ALPHA = 0x80CB,
     SCATTERI_GL_BLEND_SRC_RGB = 0x80C9,
     SCATTERI_GL_CLAMP_TO_EDGE = 0x812F,
+    SCATTERI_GL_CLIP_DEPTH_MODE = 0x935D,
+    SCATTERI_GL_CLIP_ORIGIN = 0x935C,
     SCATTERI_GL_COLOR_0 = 0x8CE0, /* attachment */
     SCATTERI_GL_COLOR_WRITEMASK = 0x0C23,
     SCATTERI_GL_COMPILED = 0x8B81,
@@ -279,6 +281,8 @@ enum {
     SCATTERI_GL_LINEAR = 0x2601,
     SCATTERI_GL_LINKED = 0x8B82,
     SCATTERI_GL_MAG_FILTER = 0x2800,
+    SCATTERI_GL_LOWER_LEFT = 0x8CA1,
+    SCATTERI_GL_MINUS_ONE_TO_ONE = 0x935E,
     SCATTERI_GL_MAX_3D = 0x8073,
     SCATTERI_GL_MAX_DRAW_BUFFERS = 0x8824,
     SCATTERI_GL_MAX_SIZE = 0x0D33,
@@ -417,6 +421,7 @@ enum {
 
 /* In some versions only: NULL elsewhere. */
 #define SCATTERI_GL_OPTIONAL(F) \
+    F(void, ClipControl, (unsigned origin, unsigned depth)) \
     F(void, BlendEquationSeparatei, (unsigned buffer, unsigned rgb, unsigned alpha)) \
     F(void, BlendFuncSeparatei, \
       (unsigned buffer, unsigned rgb, unsigned drgb, unsigned alpha, unsigned dalpha)) \
@@ -3113,7 +3118,7 @@ typedef struct scatteri_gl_state {
     int64_t block_starts[3], block_sizes[3];
     int viewport[4];
     float viewport_exact[4];
-    int polygon_mode[2];
+    int polygon_mode[2], clip_origin, clip_depth;
     int blend_functions[SCATTERI_GL_MOST_BUFFERS][4], blend_equations[SCATTERI_GL_MOST_BUFFERS][2];
     int unpack[SCATTERI_GL_UNPACKS];
     scatteri_gl_byte blends[SCATTERI_GL_MOST_BUFFERS], scissor, on[SCATTERI_GL_SWITCHES];
@@ -3202,6 +3207,8 @@ static void scatteri_gl_save_output(const scatter_gl *f, scatteri_gl_state *s)
             s->on[i] = gl->IsEnabled(scatteri_gl_switches[i].name);
     if (!f->es)
         gl->GetIntegerv(SCATTERI_GL_POLYGON_MODE, s->polygon_mode);
+    s->clip_origin = gl->ClipControl != NULL ? scatteri_gl_get(f, SCATTERI_GL_CLIP_ORIGIN) : 0;
+    s->clip_depth = gl->ClipControl != NULL ? scatteri_gl_get(f, SCATTERI_GL_CLIP_DEPTH_MODE) : 0;
 }
 
 static void scatteri_gl_save_input(const scatter_gl *f, scatteri_gl_state *s)
@@ -3264,6 +3271,8 @@ static void scatteri_gl_restore_output(const scatter_gl *f, const scatteri_gl_st
             scatteri_gl_switch(f, scatteri_gl_switches[i].name, s->on[i]);
     if (!f->es && gl->PolygonMode != NULL)
         gl->PolygonMode(SCATTERI_GL_FRONT_AND_BACK, (unsigned)s->polygon_mode[0]);
+    if (gl->ClipControl != NULL)
+        gl->ClipControl((unsigned)s->clip_origin, (unsigned)s->clip_depth);
 }
 
 static void scatteri_gl_restore_input(const scatter_gl *f, const scatteri_gl_state *s)
@@ -3332,6 +3341,8 @@ static void scatteri_gl_prepare(const scatter_gl *f)
             gl->Disable(scatteri_gl_switches[i].name);
     if (!f->es && gl->PolygonMode != NULL)
         gl->PolygonMode(SCATTERI_GL_FRONT_AND_BACK, SCATTERI_GL_FILL);
+    if (gl->ClipControl != NULL)
+        gl->ClipControl(SCATTERI_GL_LOWER_LEFT, SCATTERI_GL_MINUS_ONE_TO_ONE);
     gl->BindBuffer(SCATTERI_GL_UNPACK_BUFFER, 0);
     for (i = 0; i < (int)SCATTERI_GL_UNPACKS; i++)
         if (!f->es || scatteri_gl_unpack[i].es)
@@ -5087,6 +5098,8 @@ static void scatteri_gl_drop_newer(scatter_gl *f)
         gl->ViewportIndexedf = NULL;
         gl->ScissorIndexed = NULL;
     }
+    if (f->es || f->version < 450)
+        gl->ClipControl = NULL;
     if (f->es && f->version < 320)
         gl->ColorMaski = NULL;
     if (f->es) {

@@ -7,7 +7,7 @@ set -u
 programs="make gcc libc6-dev libstb-dev libnanovdb-dev libnanovdb-tools"
 reference="libgsl-dev"
 compilers="g++ clang tcc gcc-mingw-w64-x86-64 g++-mingw-w64-x86-64 binutils"
-checks="libcmocka-dev libmpfr-dev glslang-tools pkg-config cmake libegl1 libgl1-mesa-dri libosmesa6 libglm-dev"
+checks="libcmocka-dev libmpfr-dev glslang-tools pkg-config cmake libegl1 libgl-dev libgl1-mesa-dri libosmesa6 libglm-dev"
 
 case "${1-}" in
 demo) packages="$programs" ;;
