@@ -591,7 +591,8 @@ static void test_source_nearly_on_cell(void **state) {
         scatter_depth *d = NULL;
         assert_int_equal(scatter_depth_create(NULL, &d), SCATTER_OK);
         assert_int_equal(scatter_depth_update(d, m, &source, &q), SCATTER_OK);
-        assert_at_most(fabs((double)(d->values[(12 * 24 + 12) * 24 + 12] / d->at_source) - 1), 1e-3);
+        assert_at_most(fabs((double)(d->values[(12 * 24 + 12) * 24 + 12] / d->at_source) - 1),
+                       1e-3);
         scatter_depth_destroy(d);
     }
 }

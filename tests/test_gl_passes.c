@@ -149,8 +149,8 @@ static const char *const fault_names[] = {"right", "half a cell off", "mirrored"
 
 /* Value of cell (i, j, k) of nx * ny * nz. */
 static double value_of(const float *v, int nx, int ny, int i, int j, int k, fault what) {
-    const size_t row = ((size_t)k * (size_t)ny + (size_t)(what == MIRRORED ? ny - 1 - j : j)) *
-                       (size_t)nx;
+    const size_t row =
+        ((size_t)k * (size_t)ny + (size_t)(what == MIRRORED ? ny - 1 - j : j)) * (size_t)nx;
     if (what == SHIFTED)
         return 0.5 * ((double)v[row + (size_t)i] + (double)v[row + (size_t)(i > 0 ? i - 1 : 0)]);
     return (double)v[row + (size_t)i];
@@ -177,8 +177,8 @@ static float *injected_twin(const scatter_medium *m, int n, scatter_box *box) {
     return values;
 }
 
-/* scatter.h chooses how often it samples a grid for 16 columns together, the GPU for each alone: columns anew, the last
-   of them in all lanes. */
+/* scatter.h chooses how often it samples a grid for 16 columns together, the GPU for each alone:
+   columns anew, one in all lanes. */
 static void fill_single_columns(scatter_depth *d) {
     scatteri_shells *work = (scatteri_shells *)malloc(sizeof *work);
     float *scratch = (float *)malloc((size_t)d->nx * (size_t)d->ny * (size_t)d->nz * sizeof(float));
@@ -237,8 +237,8 @@ static double channel_error(const scatteri_gl_texture *t, const float *values, i
     return check_relative_rms(&e);
 }
 
-/* The worst of all sources of a fog, or the best where something is wrong. Sources for which that fault is none (a
-   directional one is not divided) do not count. */
+/* The worst of all sources of a fog, or the best where something is wrong. Sources for which that
+   fault is none (a directional one is not divided) do not count. */
 static double depth_error(gl_rig *rig, scatter_gl *fog, const scatter_medium *m,
                           const scatter_quality *q, fault what) {
     double worst = 0, best = 1e9;
@@ -326,8 +326,8 @@ static void test_injection(gl_rig *rig) {
     inject(rig, &w, 0, 1e-5);
 }
 
-/* 16 bits: each of the 2 grids and 16 Gaussians that are added to a cell may cut off half a bit of 2^-10 of the sum, and
-   so may the grids' voxels. */
+/* 16 bits: each of the 2 grids and 16 Gaussians that are added to a cell may cut off up to 2^-10 of
+   the sum, on average half of that, and so may the grids' voxels. */
 static void test_half_injection(gl_rig *rig) {
     check_world w;
     open_mixture(&w);
@@ -349,7 +349,7 @@ static const depth_case depth_cases[] = {{"closed volume", SCATTER_DEPTH_CLOSED_
                                          {"polar", SCATTER_DEPTH_POLAR, 0, 1},
                                          {"polar through a grid", SCATTER_DEPTH_POLAR, 1, 2}};
 
-/* Lights from..to of the list, in a medium that is bounded or not. The faults are planted in some. */
+/* Lights from..to of the list, in a medium that is bounded or not. Some get the planted faults. */
 static double run_depth(gl_rig *rig, const depth_case *c, int bounded, int from, int to,
                         const scatter_vec3 *eye, int half_float, double limit) {
     const scatter_quality q = quality_of(c->method, SCATTER_DENSITY_EXACT, CELLS);
@@ -388,17 +388,16 @@ static void test_depth_of(gl_rig *rig, const depth_case *c) {
     printf("  %s: relative RMS error %.1e\n", c->name, worst);
 }
 
-static void test_closed(gl_rig *rig) {
-    test_depth_of(rig, &depth_cases[0]);
-}
+static void test_closed(gl_rig *rig) { test_depth_of(rig, &depth_cases[0]); }
 
 static void test_upwind(gl_rig *rig) {
     test_depth_of(rig, &depth_cases[1]);
     test_depth_of(rig, &depth_cases[2]);
 }
 
-/* Sums of Gaussians against their integrals in double precision: scatter.h sums at even steps where these are small, within
-   3e-4 of c/a, the GPU has two erfs of 6e-7 each of a whole Gaussian's depth, and up to 16 of them on a line. */
+/* Sums of Gaussians against their integrals in double precision: scatter.h sums at even steps where
+   these are small, within 3e-4 of c/a; the GPU has erfs within 6e-7 of a whole Gaussian,
+   up to 16 of them on a line. */
 static double column_error(const scatteri_gl_texture *t, const float *values, int channel,
                            const scatter_depth *twin) {
     const double start = twin->source.directional ? 0 : (double)twin->low_r;
@@ -414,8 +413,9 @@ static double column_error(const scatteri_gl_texture *t, const float *values, in
                 scatteri_columns(twin, i, j, &rays);
                 from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
                 to = scatteri_along(from, scatteri_ray_direction(&rays, 0), (float)(start + along));
-                check_add(&e, (double)values[4 * (at + (size_t)i) + (size_t)channel] *
-                                  (twin->source.directional ? 1 : start + along),
+                check_add(&e,
+                          (double)values[4 * (at + (size_t)i) + (size_t)channel] *
+                              (twin->source.directional ? 1 : start + along),
                           (double)scatter_optical_depth(&twin->medium->desc, from, to));
             }
     return check_relative_rms(&e);
@@ -433,8 +433,7 @@ static void test_columns(gl_rig *rig) {
     fill_fog(fog, &w, &q, NULL);
     values = read_volume(rig, &fog->volumes[0]);
     for (i = 0; i < 4; i++) {
-        scatter_depth *twin =
-            depth_twin(&w.scene.medium, scatteri_source_of(&w.lights[i]), &q);
+        scatter_depth *twin = depth_twin(&w.scene.medium, scatteri_source_of(&w.lights[i]), &q);
         worst = fmax(worst, column_error(&fog->volumes[0], values, i, twin));
         scatter_depth_destroy(twin);
     }
@@ -449,8 +448,8 @@ static void test_polar(gl_rig *rig) {
     test_depth_of(rig, &depth_cases[4]);
 }
 
-/* 16 bits hold each value within 2^-10 of itself (a driver may cut off instead of rounding): depth, voxels, and with
-   quads each of 16 sums of Gaussians. */
+/* 16 bits hold each value within 2^-10 of itself (a driver may cut off instead of rounding): depth,
+   voxels, and with quads each of 16 sums of Gaussians. */
 static void test_half_depth(gl_rig *rig) {
     size_t i;
     for (i = 0; i < CHECK_COUNT(depth_cases); i++) {
@@ -465,8 +464,7 @@ static double volume_column_error(const scatteri_gl_texture *t, const float *val
                                   const check_world *w, const scatter_grid *grid,
                                   const scatter_quality *q) {
     const scatter_host host = scatteri_host_or_default(NULL);
-    scatter_depth *twin =
-        depth_twin(&w->scene.medium, scatteri_source_of(&w->lights[channel]), q);
+    scatter_depth *twin = depth_twin(&w->scene.medium, scatteri_source_of(&w->lights[channel]), q);
     scatter_medium desc = w->scene.medium;
     scatteri_medium medium;
     double error;
@@ -592,9 +590,9 @@ static float *read_points(gl_rig *rig, scatter_gl *fog, const char *what) {
     scatteri_gl_save(fog, &state);
     memset(&picture, 0, sizeof picture);
     /* two layers, so that it is read back like a volume */
-    assert_int_equal(scatteri_gl_size_texture(fog, &picture, SCATTERI_GL_RGBA32F, PICTURE, PICTURE,
-                                              2),
-                     SCATTER_OK);
+    assert_int_equal(
+        scatteri_gl_size_texture(fog, &picture, SCATTERI_GL_RGBA32F, PICTURE, PICTURE, 2),
+        SCATTER_OK);
     layer.texture = &picture;
     layer.layer = 0;
     assert_int_equal(scatteri_gl_target(fog, &layer, 1), SCATTER_OK);
