@@ -108,19 +108,19 @@ $(BUILD)/test_scene: $(BUILD)/test_scene.o
 $(BUILD)/glsl_text: tests/glsl_text.c | $(BUILD)
 	$(COMPILE) $< -o $@ $(LIBS)
 
-$(BUILD)/glm_%.inc: $(BUILD)/glsl_text
+GLM_SHADERS = $(shell sed -n 's/^ *S.\([a-z_]*\),.*/\1/p' tests/glsl_glm.h)
+$(GLM_SHADERS:%=$(BUILD)/glm_%.inc): $(BUILD)/glm_%.inc: $(BUILD)/glsl_text
 	$< $* >$@
 
 GLM_WARNINGS = -Wall -Wextra -Wno-unused -Wno-unused-parameter $(filter -Werror,$(WARNINGS))
 GLM_NAMES = -DGLM_TEXT='"$(<F)"' -DGLM_NAME=glm_$* -DGLM_TITLE='"$*"'
-$(BUILD)/glm_%.o: $(BUILD)/glm_%.inc tests/glsl_glm.cpp
+$(GLM_SHADERS:%=$(BUILD)/glm_%.o): $(BUILD)/glm_%.o: $(BUILD)/glm_%.inc tests/glsl_glm.cpp
 	$(CXX) -std=c++20 $(GLM_WARNINGS) $(CFLAGS) -MMD -MP -MF $@.d -MT $@ -I$(BUILD) $(GLM_NAMES) \
 	    -c tests/glsl_glm.cpp -o $@
 
 $(BUILD)/test_glm.o: tests/test_glm.cpp | $(BUILD)
 	$(COMPILE_CXX) -c $< -o $@
 
-GLM_SHADERS = $(shell sed -n 's/^ *S.\([a-z_]*\),.*/\1/p' tests/glsl_glm.h)
 $(BUILD)/test_glm: $(BUILD)/test_glm.o $(GLM_SHADERS:%=$(BUILD)/glm_%.o)
 	$(CXX) $(CFLAGS) $^ -o $@ $(CMOCKA_LIBS) $(LIBS)
 

@@ -18,7 +18,7 @@ static const struct {
 
 static void stop(const char *what, const char *which)
 {
-    fprintf(stderr, "glsl_text: %s: %s\n", what, which);
+    fprintf(stderr, "glsl_text: error: %s: %s\n", what, which);
     exit(1);
 }
 

@@ -446,6 +446,19 @@ void test_closed(void **)
     close_stage(&s);
 }
 
+/* A Gaussian that nothing shines through takes the erf that keeps its digits in the tails. */
+void test_thick(void **)
+{
+    stage s = {};
+    open_world(&s, "psd", 3);
+    s.world.gaussians[1].c = 200.0f;
+    s.quality.depth = SCATTER_DEPTH_CLOSED;
+    s.quality.nodes = 64;
+    open_stage(&s);
+    expect(COMPARE(&s, thick), ROUNDING, COVERAGE);
+    close_stage(&s);
+}
+
 void test_transmittance(void **)
 {
     stage s = {};
@@ -814,7 +827,7 @@ void integrate(const stage *s, const scatter_ray *ray, double *density, double *
     }
 }
 
-/* What a debug view shows of a ray (of the light in the fog only where it shines); red and blue, which differ where colours do. */
+/* What a debug view shows of a ray; red and blue, which differ where colours do. */
 void expected(const stage *s, int i, int j, double *red, double *blue)
 {
     const scatter_ray ray = ray_of(s, i, j);
@@ -1177,15 +1190,16 @@ void test_text(void **)
 int main()
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_samplers),      cmocka_unit_test(test_cube),
-        cmocka_unit_test(test_array),         cmocka_unit_test(test_text),
-        cmocka_unit_test(test_density),       cmocka_unit_test(test_closed_depth),
-        cmocka_unit_test(test_volumes),       cmocka_unit_test(test_cone),
-        cmocka_unit_test(test_visible),       cmocka_unit_test(test_closed),
-        cmocka_unit_test(test_transmittance), cmocka_unit_test(test_cameras),
-        cmocka_unit_test(test_cells),         cmocka_unit_test(test_eye),
-        cmocka_unit_test(test_polar),         cmocka_unit_test(test_fog),
-        cmocka_unit_test(test_march),         cmocka_unit_test(test_shadows),
-        cmocka_unit_test(test_all),           cmocka_unit_test(test_show)};
+        cmocka_unit_test(test_samplers), cmocka_unit_test(test_cube),
+        cmocka_unit_test(test_array),    cmocka_unit_test(test_text),
+        cmocka_unit_test(test_density),  cmocka_unit_test(test_closed_depth),
+        cmocka_unit_test(test_volumes),  cmocka_unit_test(test_cone),
+        cmocka_unit_test(test_visible),  cmocka_unit_test(test_closed),
+        cmocka_unit_test(test_thick),    cmocka_unit_test(test_transmittance),
+        cmocka_unit_test(test_cameras),  cmocka_unit_test(test_cells),
+        cmocka_unit_test(test_eye),      cmocka_unit_test(test_polar),
+        cmocka_unit_test(test_fog),      cmocka_unit_test(test_march),
+        cmocka_unit_test(test_shadows),  cmocka_unit_test(test_all),
+        cmocka_unit_test(test_show)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
