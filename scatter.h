@@ -1201,15 +1201,15 @@ static int scatteri_clip(scatter_box box, scatter_vec3 origin, scatter_vec3 dire
     for (axis = 0; axis < 3; axis++) {
         const float o = scatteri_get(origin, axis), u = scatteri_get(direction, axis);
         const float lo = scatteri_get(box.min, axis) - o, hi = scatteri_get(box.max, axis) - o;
-        float near = SCATTERI_FAR, far = -SCATTERI_FAR;
+        float enter = SCATTERI_FAR, leave = -SCATTERI_FAR;
         if (u != 0.0f) {
-            near = (u > 0.0f ? lo : hi) / u;
-            far = (u > 0.0f ? hi : lo) / u;
+            enter = (u > 0.0f ? lo : hi) / u;
+            leave = (u > 0.0f ? hi : lo) / u;
         } else if (lo <= 0.0f && hi >= 0.0f) {
             continue;
         }
-        *t0 = near > *t0 ? near : *t0;
-        *t1 = far < *t1 ? far : *t1;
+        *t0 = enter > *t0 ? enter : *t0;
+        *t1 = leave < *t1 ? leave : *t1;
     }
     return *t0 < *t1;
 }
@@ -1671,10 +1671,10 @@ static void scatteri_shrink(scatter_box *box, scatter_box by)
 static void scatteri_find_local(scatteri_medium *medium)
 {
     const scatter_medium *desc = &medium->desc;
-    const scatter_vec3 far = {SCATTERI_FAR, SCATTERI_FAR, SCATTERI_FAR};
+    const scatter_vec3 beyond = {SCATTERI_FAR, SCATTERI_FAR, SCATTERI_FAR};
     size_t i;
-    medium->local.min = far;
-    medium->local.max = scatteri_scale(far, -1.0f);
+    medium->local.min = beyond;
+    medium->local.max = scatteri_scale(beyond, -1.0f);
     for (i = 0; i < desc->gaussian_count; i++) {
         const scatter_gaussian g = desc->gaussians[i];
         const float r = scatteri_sqrt(scatteri_reach(g)) / g.a;
@@ -2710,7 +2710,7 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
 {
     const scatteri_rays row = scatteri_row(d, j, k);
     /* The depth of a shorter segment is the rounding of two erfs. */
-    const float near =
+    const float shortest =
         0.01f * scatteri_min(d->cell.x, scatteri_min(d->cell.y, d->cell.z));
     float depth[SCATTERI_POINTS];
     int start, i;
@@ -2729,7 +2729,7 @@ static void scatteri_closed_row(scatter_depth *d, int j, int k, scatteri_points 
         scatteri_face_source(&d->source, &d->medium->desc, count, p);
         scatteri_add_shadows(shadows, &row, count, p->x, p, depth);
         for (i = 0; i < left; i++)
-            out[i] = p->distance[i] > near
+            out[i] = p->distance[i] > shortest
                          ? scatteri_stored(d, scatteri_max(depth[i], 0.0f), p->distance[i])
                          : d->at_source;
     }
@@ -3015,7 +3015,7 @@ static void scatteri_polar_columns(scatter_depth *d)
 {
     const scatter_vec3 s = d->source.position;
     const scatter_vec3 middle = scatteri_scale(scatteri_add(d->box.min, d->box.max), 0.5f);
-    const scatter_vec3 near = {scatteri_clamp(s.x, d->box.min.x, d->box.max.x),
+    const scatter_vec3 entry = {scatteri_clamp(s.x, d->box.min.x, d->box.max.x),
                                scatteri_clamp(s.y, d->box.min.y, d->box.max.y),
                                scatteri_clamp(s.z, d->box.min.z, d->box.max.z)};
     scatter_vec3 w = scatteri_unit_or_zero(scatteri_sub(middle, s));
@@ -3033,7 +3033,7 @@ static void scatteri_polar_columns(scatter_depth *d)
     if (!scatteri_inside(d->box, s) && tangent < 20.0f)
         spread = scatteri_min(1.001f * tangent / (1.0f + tangent), 1.0f);
     d->low_u = d->low_v = -spread;
-    d->low_r = scatteri_length(scatteri_sub(near, s));
+    d->low_r = scatteri_length(scatteri_sub(entry, s));
     scatteri_polar_steps(d, spread, spread, high_r);
 }
 
@@ -3410,7 +3410,7 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
     float fx[SCATTERI_LANES], fy[SCATTERI_LANES], fz[SCATTERI_LANES], factor[SCATTERI_LANES];
     for (l = 0; l < SCATTERI_LANES; l++) {
         const int i = first + l;
-        const float far = scatteri_min(p->length[i], SCATTERI_FAR);
+        const float length = scatteri_min(p->length[i], SCATTERI_FAR);
         const float dx = scatteri_not_zero(p->dx[i]), dy = scatteri_not_zero(p->dy[i]),
                     dz = scatteri_not_zero(p->dz[i]);
         const float nearx = (scatteri_choose(0.0f, dx, b.min.x, b.max.x) - p->x[i]) / dx;
@@ -3420,7 +3420,7 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
         const float fary = (scatteri_choose(0.0f, dy, b.max.y, b.min.y) - p->y[i]) / dy;
         const float farz = (scatteri_choose(0.0f, dz, b.max.z, b.min.z) - p->z[i]) / dz;
         const float enter = scatteri_max(scatteri_max(nearx, neary), scatteri_max(nearz, 0.0f));
-        const float leave = scatteri_min(scatteri_min(farx, fary), scatteri_min(farz, far));
+        const float leave = scatteri_min(scatteri_min(farx, fary), scatteri_min(farz, length));
         const float shift = scatteri_min(enter, 1e9f);
         const float gx = (p->x[i] + shift * p->dx[i] - b.min.x) * sx - 0.5f;
         const float gy = (p->y[i] + shift * p->dy[i] - b.min.y) * sy - 0.5f;
@@ -4132,24 +4132,24 @@ typedef struct scatteri_eye {
    horizon. */
 static float scatteri_horizon(const scatteri_medium *m, scatter_vec3 o, scatter_vec3 u, float end)
 {
-    float far = m->desc.bounded ? end : scatteri_min(end, SCATTERI_HORIZON);
-    float low = 1e-9f * far, scale = 0.0f;
+    float reach = m->desc.bounded ? end : scatteri_min(end, SCATTERI_HORIZON);
+    float low = 1e-9f * reach, scale = 0.0f;
     size_t i;
     int step;
     for (i = 0; i < m->desc.height_count; i++)
         scale = scatteri_max(scale, m->desc.heights[i].scale);
     if (u.y > 0.0f && !(m->desc.constant > 0.0f))
-        far = scatteri_min(far, 16.0f * scale / u.y);
-    if (!(m->sigma_least * scatteri_analytic_depth(&m->desc, o.y, u.y, far) > SCATTERI_OPAQUE))
-        return far;
+        reach = scatteri_min(reach, 16.0f * scale / u.y);
+    if (!(m->sigma_least * scatteri_analytic_depth(&m->desc, o.y, u.y, reach) > SCATTERI_OPAQUE))
+        return reach;
     for (step = 0; step < 14; step++) {
-        const float middle = scatteri_sqrt(low) * scatteri_sqrt(far);
+        const float middle = scatteri_sqrt(low) * scatteri_sqrt(reach);
         if (m->sigma_least * scatteri_analytic_depth(&m->desc, o.y, u.y, middle) > SCATTERI_OPAQUE)
-            far = middle;
+            reach = middle;
         else
             low = middle;
     }
-    return far;
+    return reach;
 }
 
 /* Features a metre of a Gaussian on a ray: one in each width 1/a, more at the edge of an opaque one. */
@@ -4585,9 +4585,9 @@ SCATTERI_HOT static void scatteri_rate_shadows(const scatteri_shadows *cast,
                         hz = gz - m * marks->dz[b];
             const float part = m * marks->inverse[b]; /* of the way to the source */
             const float slope = marks->sine[b] * scatteri_abs(1.0f - part);
-            const float near = radius + slope * 0.5f * (bins->high[b] - bins->low[b]);
+            const float wide = radius + slope * 0.5f * (bins->high[b] - bins->low[b]);
             const int hit = (m > 0.0f) & (part < 1.0f) &
-                            (hx * hx + hy * hy + hz * hz < near * near) & (bins->rate[b] > 0.0f);
+                            (hx * hx + hy * hy + hz * hz < wide * wide) & (bins->rate[b] > 0.0f);
             bins->rate[b] =
                 scatteri_max(bins->rate[b], rate * slope * bins->stretch[b] * (float)hit);
         }
@@ -5028,11 +5028,11 @@ SCATTERI_HOT static void scatteri_clip_rays(scatter_box b, scatteri_rays *rays)
         const float ax = (b.min.x - rays->ox[l]) / dx, bx = (b.max.x - rays->ox[l]) / dx;
         const float ay = (b.min.y - rays->oy[l]) / dy, by = (b.max.y - rays->oy[l]) / dy;
         const float az = (b.min.z - rays->oz[l]) / dz, bz = (b.max.z - rays->oz[l]) / dz;
-        const float near = scatteri_max(scatteri_min(ax, bx),
+        const float enter = scatteri_max(scatteri_min(ax, bx),
                                         scatteri_max(scatteri_min(ay, by), scatteri_min(az, bz)));
-        const float far = scatteri_min(scatteri_max(ax, bx),
+        const float leave = scatteri_min(scatteri_max(ax, bx),
                                        scatteri_min(scatteri_max(ay, by), scatteri_max(az, bz)));
-        const float t0 = scatteri_max(rays->t0[l], near), t1 = scatteri_min(rays->t1[l], far);
+        const float t0 = scatteri_max(rays->t0[l], enter), t1 = scatteri_min(rays->t1[l], leave);
         rays->t0[l] = scatteri_choose(t0, t1, t0, 0.0f);
         rays->t1[l] = scatteri_choose(t0, t1, t1, 0.0f);
     }
@@ -5941,8 +5941,8 @@ static double scatteri_nearness_to(const scatteri_light *light, scatter_vec3 ori
     const double ahead = (double)scatteri_max(scatteri_dot(to, direction), 0.0f);
     const double along2 = ahead * ahead / ((double)scatteri_dot(direction, direction) + 1e-30);
     const double w2 = along2 * half * half;
-    const double near = w2 / (w2 + fabs((double)scatteri_dot(to, to) - along2) + 1e-30);
-    return light->source.directional ? 0.0 : near * near;
+    const double share = w2 / (w2 + fabs((double)scatteri_dot(to, to) - along2) + 1e-30);
+    return light->source.directional ? 0.0 : share * share;
 }
 
 static double scatteri_nearness(const scatteri_audit *audit, int x, int y)
@@ -6005,16 +6005,16 @@ static void scatteri_draw(scatteri_audit *audit, int draws)
 {
     const scatter_image *image = &audit->job.image;
     const double even = audit->packets, some = audit->rendered ? 0.5 * even : even;
-    const double near = some / scatteri_larger(audit->nearness, 1.0);
+    const double nearby = some / scatteri_larger(audit->nearness, 1.0);
     const double bright = audit->brightness > 0.0 ? some / audit->brightness : 0.0;
-    const double all = even + near * audit->nearness + bright * audit->brightness;
+    const double all = even + nearby * audit->nearness + bright * audit->brightness;
     const double step = all / draws;
     double running = 0.0, next = 0.5 * step;
     int x, y, times;
     audit->draws += draws;
     for (y = image->y0 - image->y0 % SCATTERI_SIDE; y < image->y1; y += SCATTERI_SIDE)
         for (x = image->x0 - image->x0 % SCATTERI_SIDE; x < image->x1; x += SCATTERI_SIDE) {
-            const double share = 1.0 + near * scatteri_nearness(audit, x, y) +
+            const double share = 1.0 + nearby * scatteri_nearness(audit, x, y) +
                                  bright * scatteri_brightness(audit, x, y);
             running += share;
             for (times = 0; running > next; times++)
