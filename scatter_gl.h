@@ -118,8 +118,8 @@ typedef struct scatter_gl_shadow {
     float matrix[4][16]; /* 2D, array: world to texture, column-major: x, y, z / w in 0..1 are where and how deep */
     int reversed;       /* not 0: larger stored values are nearer */
     float bias;         /* >= 0, of stored depth: a point is lit if it is not deeper than the map by more */
-    float near, far;    /* cube, far > near > 0: each face holds the depth 0..1 of a perspective projection between
-                           them; near 0: the distance from the light over `far` */
+    float z_near, z_far; /* cube, z_far > z_near > 0: each face holds the depth 0..1 of a perspective projection
+                           between them; z_near 0: the distance from the light over z_far */
 } scatter_gl_shadow;
 
 typedef struct scatter_gl_light {
@@ -154,10 +154,10 @@ typedef struct scatter_gl_view {
 } scatter_gl_view;
 
 /* A view-aligned volume of the fog, for transparent things: L and optical depth between the eye and the middle of
-   nx*ny*nz froxels, slices spaced evenly in the logarithm of the distance between near and far. */
+   nx*ny*nz froxels, slices spaced evenly in the logarithm of the distance between z_near and z_far. */
 typedef struct scatter_gl_froxels {
     int nx, ny, nz;  /* 0: 160, 90, 64 */
-    float near, far; /* m, 0 < near < far; behind far the last slice goes on */
+    float z_near, z_far; /* m, 0 < z_near < z_far; behind z_far the last slice goes on */
 } scatter_gl_froxels;
 
 /* GPU milliseconds of the last measured passes; -1: not measured, or not finished yet. */
@@ -3609,10 +3609,10 @@ static void scatteri_gl_send(scatter_gl *f, unsigned buffer, const void *block, 
 /* A box that holds everything, if the medium has none. */
 static scatter_box scatteri_gl_box(const scatter_gl *f, int exists, scatter_box box)
 {
-    const scatter_vec3 far = {SCATTERI_FAR, SCATTERI_FAR, SCATTERI_FAR};
+    const scatter_vec3 horizon = {SCATTERI_FAR, SCATTERI_FAR, SCATTERI_FAR};
     scatter_box all;
-    all.min = scatteri_scale(far, -1.0f);
-    all.max = far;
+    all.min = scatteri_scale(horizon, -1.0f);
+    all.max = horizon;
     return exists ? scatteri_box_from(box, f->ref) : all;
 }
 
@@ -3727,7 +3727,7 @@ static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *l
         scatteri_gl_put_anchor(b->anchor[l], p);
     scatteri_gl_put(b->shadow[l], (float)s->kind, s->bias, s->reversed ? -1.0f : 1.0f,
                     (float)(s->cascades > 1 ? s->cascades : 1));
-    scatteri_gl_put(b->shadow_more[l], (float)s->layer, s->near, s->far, 0.0f);
+    scatteri_gl_put(b->shadow_more[l], (float)s->layer, s->z_near, s->z_far, 0.0f);
     for (c = 0; c < (int)SCATTERI_GL_CASCADES && s->kind != SCATTER_GL_SHADOW_CUBE; c++)
         for (row = 0; row < 4; row++) {
             const float *m = s->matrix[c];
@@ -4443,28 +4443,28 @@ static void scatteri_gl_perspective(scatter_gl *f, scatteri_gl_matrix m)
     b->range[1] = 1.0f;
 }
 
-/* Rays of an orthographic camera begin at the near plane, at clip z `near`, and go to `far`. */
-static void scatteri_gl_parallel(scatter_gl *f, scatteri_gl_matrix m, double near, double far)
+/* Rays of an orthographic camera begin at the near plane, at clip z `first`, and go to `last`. */
+static void scatteri_gl_parallel(scatter_gl *f, scatteri_gl_matrix m, double first, double last)
 {
     scatteri_gl_view_block *b = &f->view_block;
-    const double inverse = 1.0 / m.m[15], sense = far > near ? 1.0 : -1.0;
-    const double origin[3] = {(m.m[12] + near * m.m[8]) * inverse - (double)f->ref.x,
-                              (m.m[13] + near * m.m[9]) * inverse - (double)f->ref.y,
-                              (m.m[14] + near * m.m[10]) * inverse - (double)f->ref.z};
+    const double inverse = 1.0 / m.m[15], sense = last > first ? 1.0 : -1.0;
+    const double origin[3] = {(m.m[12] + first * m.m[8]) * inverse - (double)f->ref.x,
+                              (m.m[13] + first * m.m[9]) * inverse - (double)f->ref.y,
+                              (m.m[14] + first * m.m[10]) * inverse - (double)f->ref.z};
     scatteri_gl_put(b->eye, (float)origin[0], (float)origin[1], (float)origin[2], 0.0f);
     scatteri_gl_put3(b->eye_dx, scatteri_gl_column(&m, 0, inverse), 0.0f);
     scatteri_gl_put3(b->eye_dy, scatteri_gl_column(&m, 1, inverse), 0.0f);
     scatteri_gl_put3(b->forward, scatteri_gl_column(&m, 2, sense * inverse), 0.0f);
     scatteri_gl_put(b->weight, 0.0f, 0.0f, 0.0f, 1.0f);
     b->range[0] = (float)sense;
-    b->range[1] = (float)(-sense * near);
+    b->range[1] = (float)(-sense * first);
 }
 
 static scatter_result scatteri_gl_set_camera(scatter_gl *f, const scatter_gl_view *v)
 {
     scatteri_gl_view_block *b = &f->view_block;
     const double low = v->zero_to_one ? 0.0 : -1.0;
-    const double near = v->reversed ? 1.0 : low, far = v->reversed ? low : 1.0;
+    const double first = v->reversed ? 1.0 : low, last = v->reversed ? low : 1.0;
     scatteri_gl_matrix view, projection, m;
     double here, there;
     if (v->view == NULL || v->projection == NULL || !scatteri_gl_invert(v->view, &view) ||
@@ -4473,12 +4473,12 @@ static scatter_result scatteri_gl_set_camera(scatter_gl *f, const scatter_gl_vie
                              "view.view or view.projection is not a matrix that has an inverse");
     memset(b, 0, sizeof *b);
     m = scatteri_gl_product(view, projection);
-    here = m.m[11] * near + m.m[15];
-    there = m.m[11] * far + m.m[15];
+    here = m.m[11] * first + m.m[15];
+    there = m.m[11] * last + m.m[15];
     if (fabs(here - there) > 1e-6 * fabs(here))
         scatteri_gl_perspective(f, m);
     else
-        scatteri_gl_parallel(f, m, near, far);
+        scatteri_gl_parallel(f, m, first, last);
     b->range[2] = v->zero_to_one ? 1.0f : 2.0f;
     b->range[3] = v->zero_to_one ? 0.0f : -1.0f;
     return SCATTER_OK;
@@ -4837,10 +4837,10 @@ static scatter_result scatteri_gl_check_froxels(scatter_gl *f, const scatter_gl_
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
                              "froxels.nx, ny, nz are %d, %d, %d, they must be 0 or at least 1, 1, 2",
                              r->nx, r->ny, r->nz);
-    if (!(r->near > 0.0f && r->far > r->near && r->far <= 1e18f))
+    if (!(r->z_near > 0.0f && r->z_far > r->z_near && r->z_far <= 1e18f))
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
-                             "froxels.near, far are %g, %g, they must be 0 < near < far",
-                             (double)r->near, (double)r->far);
+                             "froxels.z_near, z_far are %g, %g, they must be 0 < z_near < z_far",
+                             (double)r->z_near, (double)r->z_far);
     if (!f->can_draw_float)
         return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
                              "this GL context cannot draw into float textures (no "
@@ -4908,8 +4908,8 @@ SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *f, const scatter_
     scatteri_gl_save(f, &state);
     scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_FROXELS);
     scatteri_gl_put(f->view_block.froxels, (float)r.nx, (float)r.ny, (float)r.nz,
-                    scatteri_log(r.far / r.near));
-    scatteri_gl_put(f->view_block.froxel_range, r.near, r.far, 0.0f, 0.0f);
+                    scatteri_log(r.z_far / r.z_near));
+    scatteri_gl_put(f->view_block.froxel_range, r.z_near, r.z_far, 0.0f, 0.0f);
     scatteri_gl_send_view(f, v, 1);
     result = scatteri_gl_size_froxels(f, &r);
     scatteri_gl_bind_medium(f);
@@ -5421,8 +5421,8 @@ static int scatteri_gl_check_shadow(const scatteri_where *at, const scatter_gl_s
     if (s->kind == SCATTER_GL_SHADOW_NONE)
         return 1;
     if (s->kind == SCATTER_GL_SHADOW_CUBE)
-        return scatteri_check(at, ".shadow.near", s->near, 0.0f, 1e18f, "0..1e18") &&
-               scatteri_check(at, ".shadow.far", s->far, s->near + 1e-18f, 1e18f, "above near");
+        return scatteri_check(at, ".shadow.z_near", s->z_near, 0.0f, 1e18f, "0..1e18") &&
+               scatteri_check(at, ".shadow.z_far", s->z_far, s->z_near + 1e-18f, 1e18f, "above z_near");
     return scatteri_check(at, ".shadow.cascades", (float)s->cascades, 0.0f, 4.0f, "0..4") &&
            scatteri_check(at, ".shadow.layer", (float)s->layer, 0.0f, 65535.0f, "0..65535") &&
            scatteri_check(at, ".shadow.bias", s->bias, 0.0f, 1.0f, "0..1");

@@ -909,7 +909,7 @@ static inline int host_gl_draw_map(host_gl *host, unsigned target, int side,
     host->gl.Uniform2f(host_gl_at(host, program, "pixels"), (float)side, (float)side);
     host->gl.Uniform3fv(host_gl_at(host, program, "ray"), 6, &rays.v[0].x);
     host->gl.UniformMatrix4fv(host_gl_at(host, program, "map"), 1, 0, shadow->matrix[0]);
-    host->gl.Uniform1f(host_gl_at(host, program, "far"), shadow->far);
+    host->gl.Uniform1f(host_gl_at(host, program, "far"), shadow->z_far);
     host_gl_draw_solids(host, frame);
     host->gl.DepthFunc(HOST_GL_ALWAYS);
     return 0;
@@ -919,7 +919,7 @@ static inline int host_gl_cube_map(host_gl *host, scatter_gl_light *light)
 {
     int side = (host->shadow_map + 1) / 2, failed = 0;
     light->shadow.kind = SCATTER_GL_SHADOW_CUBE;
-    light->shadow.far = 1e6f;
+    light->shadow.z_far = 1e6f;
     light->shadow.texture = host_gl_cube(host, side);
     for (int face = 0; face < 6 && !failed; face++) {
         host_gl_frame frame = host_gl_face(&light->light, face);

@@ -163,9 +163,22 @@ step_mingw() {
         done
     done
     gather
+    for header in $HEADERS; do
+        check "$header behind windows.h" behind_windows $header .
+    done
+    plant windows 'typedef struct scatter_planted { int near, far; } scatter_planted;'
+    refuse "a name that windows.h takes" 'scatter_planted|error' \
+        behind_windows scatter.h "$PLANTED/windows"
     check "minimal.exe" strict $WINDOWS-gcc:c99 -O1 examples/minimal.c -o "$OUT/minimal.exe" -lm
     plant warning 'static float scatteri_planted(double x) { return x; }'
     refuse "a warning" 'conversion|unused' link_only "$dir" "$PLANTED/warning" $WINDOWS-gcc:c99
+}
+
+# behind_windows HEADER HEADERS_DIR: windows.h defines near, far, min, max and more as macros.
+behind_windows() {
+    lines '#include <windows.h>' '#define SCATTER_IMPLEMENTATION' "#include <$1>" \
+        'int main(void) { return 0; }' >"$OUT/windows.c"
+    $WINDOWS-gcc -std=c99 -Wall -Werror -I"$2" -c "$OUT/windows.c" -o "$OUT/windows.o"
 }
 
 # link_only DIR HEADERS_DIR COMPILER:STANDARD: both programs of write_units.

@@ -139,8 +139,8 @@ static inline void gl_fog_light(gl_fog *f, int i, uint64_t *seed)
         l->shadow.texture = f->shadow[map];
         l->shadow.cascades = 1 + map % 2;
         l->shadow.bias = 0.01f;
-        l->shadow.near = 0.1f;
-        l->shadow.far = 9;
+        l->shadow.z_near = 0.1f;
+        l->shadow.z_far = 9;
         for (k = 0; k < 32; k++)
             l->shadow.matrix[k / 16][k % 16] = k % 5 == 0 ? 0.5f : 0.1f;
     }

@@ -552,8 +552,8 @@ static void cube_shadow_map(gl_rig *rig) {
     open_stage(&s, rig);
     memset(&shadow, 0, sizeof shadow);
     shadow.kind = SCATTER_GL_SHADOW_CUBE;
-    shadow.near = 0.1f;
-    shadow.far = 50.0f;
+    shadow.z_near = 0.1f;
+    shadow.z_far = 50.0f;
     gl->GenTextures(1, &shadow.texture);
     gl->BindTexture(GL_TEXTURE_CUBE_MAP, shadow.texture);
     for (face = 0; face < 6; face++) {

@@ -753,9 +753,9 @@ void shadow_of_lamp(stage *s)
     s->world.lights[2].position = check_v3(0.5f, 1.5f, 0.5f);
     d->kind = SCATTER_GL_SHADOW_CUBE;
     d->texture = 1;
-    d->near = 0.1f;
-    d->far = 5.0f;
-    put_sheet(map, 3, deep(0.5f, d->near, d->far), 0.0f, 1.0f / 64, 1.0f, -1.0f / 64);
+    d->z_near = 0.1f;
+    d->z_far = 5.0f;
+    put_sheet(map, 3, deep(0.5f, d->z_near, d->z_far), 0.0f, 1.0f / 64, 1.0f, -1.0f / 64);
 }
 
 void make_shadows(stage *s)

@@ -310,7 +310,7 @@ static int lit_by_cube(const stage *s, const scatter_gl_light *light, const floa
     int y = (int)((down / fabs(r[axis]) + 1) / 2 * side);
     x = x < side ? x : side - 1;
     y = y < side ? y : side - 1;
-    return sqrt(scene_dot(r, r)) / (double)light->shadow.far <=
+    return sqrt(scene_dot(r, r)) / (double)light->shadow.z_far <=
            (double)depth[(face * side + y) * side + x];
 }
 
