@@ -9,6 +9,8 @@
 #   fuzz      libFuzzer, FUZZ_SECONDS for each of its targets
 #   bench     set up, measure speed against error, write docs/report.md (minutes)
 #   bench-quick  the same in short (a minute); writes build/bench/report.md only
+#   bench-gl  set up, measure scatter_gl.h on the GPU that is there, write docs/report_gl.md
+#   bench-gl-quick  the same in short (a minute); writes build/bench/gl/report.md only
 #   bench-peers  set up, measure POV-Ray and vdb_render beside ours
 #   glsl      renew the shared region of scatter_gl.h
 #   accuracy  renew the table of hard cases in docs/accuracy.md
@@ -44,7 +46,7 @@ HEADERS = scatter.h scatter_gl.h
 .DELETE_ON_ERROR:
 .SECONDARY:
 .PHONY: all clean unit logs sanitize fuzz demo gallery test bench bench-quick bench-peers glsl accuracy
-.PHONY: install $(SUITES) test_glm $(FUZZERS)
+.PHONY: install bench-gl bench-gl-quick $(SUITES) test_glm $(FUZZERS)
 
 all: $(PROGRAMS:%=$(BUILD)/%)
 
@@ -94,6 +96,9 @@ $(BUILD)/specialised.o: bench/specialised.c $(BUILD)/specialised_scatter.h
 	$(COMPILE) -Wno-unused -I$(BUILD) -c $< -o $@
 
 $(BUILD)/scatter-bench: $(BUILD)/bench.o $(BUILD)/specialised.o $(BUILD)/reference.o $(ISA_OBJECTS)
+	$(LINK) $^ -o $@ $(REFERENCE_LIBS) $(LIBS)
+
+$(BUILD)/scatter-bench-gl: $(BUILD)/bench_gl.o $(BUILD)/reference.o
 	$(LINK) $^ -o $@ $(REFERENCE_LIBS) $(LIBS)
 
 # -------------------------------------------------------------------------------- unit tests
@@ -209,6 +214,12 @@ bench bench-quick:
 	$(MAKE) --no-print-directory $(BUILD)/scatter-bench
 	$(BUILD)/scatter-bench $(OPTIONS_$@)
 OPTIONS_bench-quick = --quick
+
+bench-gl bench-gl-quick:
+	$(SETUP) gl
+	$(MAKE) --no-print-directory $(BUILD)/scatter-bench-gl
+	$(BUILD)/scatter-bench-gl $(OPTIONS_$@)
+OPTIONS_bench-gl-quick = --quick
 
 bench-peers:
 	$(SETUP) peers

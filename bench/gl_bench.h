@@ -94,8 +94,7 @@ static void gl_find_clock(gl_bench *g)
     g->Finish = (void (*)(void))get("glFinish");
     g->GenQueries = (void (*)(int, unsigned *))get("glGenQueries");
     g->QueryCounter = (void (*)(unsigned, unsigned))get("glQueryCounter");
-    g->GetQueryObjectui64v =
-        (void (*)(unsigned, unsigned, uint64_t *))get("glGetQueryObjectui64v");
+    g->GetQueryObjectui64v = (void (*)(unsigned, unsigned, uint64_t *))get("glGetQueryObjectui64v");
     g->clock = gl_is_software(g->renderer)                ? GL_CLOCK_PROCESSOR
                : !g->context.es && g->GetQueryObjectui64v ? GL_CLOCK_QUERIES
                                                           : GL_CLOCK_WALL;
@@ -120,6 +119,18 @@ static gl_bench *the_gl(void)
 static int gl_software(void)
 {
     return the_gl()->clock == GL_CLOCK_PROCESSOR;
+}
+
+/* Pixels of the edge of a square picture, and how many of each row and column errors are taken at:
+   a GPU needs larger pictures to be busy. */
+static int gl_size(void)
+{
+    return gl_software() ? by_level(32, 128, 256) : 1024;
+}
+
+static int gl_lattice(void)
+{
+    return by_level(16, 32, 64);
 }
 
 /* -------------------------------------------------------------------------------------- scenes */
@@ -164,10 +175,10 @@ static void gl_scene_picture(gl_scene *s, int width, int height)
     host_gl_close(&s->host);
     free(s->rgb);
     s->rgb = floats((size_t)(3 * width * height));
-    gl_must(host_gl_open(&s->host, the_gl()->context.get_proc_address, &s->file, width, height,
-                         NULL) ||
-                host_gl_surface(&s->host, NULL),
-            s->path, s->host.error);
+    gl_must(
+        host_gl_open(&s->host, the_gl()->context.get_proc_address, &s->file, width, height, NULL) ||
+            host_gl_surface(&s->host, NULL),
+        s->path, s->host.error);
 }
 
 static void gl_scene_open(gl_scene *s, const char *path, int width, int height)
@@ -208,6 +219,19 @@ static double gl_draw_ms(gl_scene *s)
     host_gl_draw(&s->host);
     gl_start();
     must(scatter_gl_draw(s->fog, &s->host.fog_view), "scatter_gl_draw");
+    return gl_stop();
+}
+
+/* A program of host_gl_program, in use, in the lower left size^2 pixels: ms. */
+static double gl_program_ms(const host_gl *host, unsigned program, int size)
+{
+    static const float whole[4] = {0, 0, 1, 1};
+    host->gl.Uniform4fv(host_gl_at(host, program, "cover"), 1, whole);
+    host->gl.BindFramebuffer(HOST_GL_FRAMEBUFFER, host->framebuffer);
+    host->gl.Viewport(0, 0, size, size);
+    host->gl.BindVertexArray(host->array);
+    gl_start();
+    host->gl.DrawArrays(HOST_GL_TRIANGLE_STRIP, 0, 4);
     return gl_stop();
 }
 

@@ -98,7 +98,8 @@ typedef struct gl_shadow {
 
 /* ------------------------------------------------------------------------------------- program */
 
-static void gl_shadow_vectors(const gl_shadow *b, const char *name, int count, const scatter_vec3 *v)
+static void gl_shadow_vectors(const gl_shadow *b, const char *name, int count,
+                              const scatter_vec3 *v)
 {
     b->host.gl.Uniform3fv(host_gl_at(&b->host, b->program, name), count, &v->x);
 }
@@ -106,9 +107,12 @@ static void gl_shadow_vectors(const gl_shadow *b, const char *name, int count, c
 static void gl_shadow_compile(gl_shadow *b)
 {
     char head[128];
-    const char *text[] = {host_gl_version(&b->host),     head,
-                          scatter_gl_glsl("prelude"),    scatter_gl_glsl("vector"),
-                          scatter_gl_glsl("phase"),      gl_shadow_density,
+    const char *text[] = {host_gl_version(&b->host),
+                          head,
+                          scatter_gl_glsl("prelude"),
+                          scatter_gl_glsl("vector"),
+                          scatter_gl_glsl("phase"),
+                          gl_shadow_density,
                           gl_shadow_main};
     snprintf(head, sizeof head, "#define GAUSSIANS %d\n#define LIGHTS %d\n",
              (int)b->medium.gaussian_count, (int)b->medium.scene->light_count);
@@ -171,8 +175,8 @@ static void gl_shadow_upload(gl_shadow *b)
     static const int what[5] = {HOST_GL_MIN_FILTER, HOST_GL_MAG_FILTER, HOST_GL_WRAP_S,
                                 HOST_GL_WRAP_T, WRAP_R};
     void (*image)(unsigned, int, int, int, int, int, int, unsigned, unsigned, const void *) =
-        (void (*)(unsigned, int, int, int, int, int, int, unsigned, unsigned,
-                  const void *))the_gl()->context.get_proc_address("glTexImage3D");
+        (void (*)(unsigned, int, int, int, int, int, int, unsigned, unsigned, const void *))the_gl()
+            ->context.get_proc_address("glTexImage3D");
     b->host.gl.ActiveTexture(HOST_GL_TEXTURE0 + GL_SHADOW_UNIT);
     b->host.gl.GenTextures(1, &b->voxels);
     b->host.gl.BindTexture(TEXTURE_3D, b->voxels);
@@ -220,16 +224,11 @@ static double gl_shadow_draw(gl_shadow *b, const gl_shadow_way *w, const scatter
     gl->Uniform2f(host_gl_at(&b->host, b->program, "pixels"), (float)size, (float)size);
     gl->Uniform1i(host_gl_at(&b->host, b->program, "steps"), w->steps);
     gl->Uniform1i(host_gl_at(&b->host, b->program, "shadow_steps"), w->shadow_steps);
-    gl->BindFramebuffer(HOST_GL_FRAMEBUFFER, b->host.framebuffer);
-    gl->Viewport(0, 0, size, size);
-    gl->BindVertexArray(b->host.array);
     if (b->voxels) {
         gl->ActiveTexture(HOST_GL_TEXTURE0 + GL_SHADOW_UNIT);
         gl->BindTexture(0x806F, b->voxels);
     }
-    gl_start();
-    gl->DrawArrays(HOST_GL_TRIANGLES, 0, 3);
-    return gl_stop();
+    return gl_program_ms(&b->host, b->program, size);
 }
 
 /* The lattice, with its error. Returns ms spent. */
@@ -245,6 +244,176 @@ static double gl_shadow_try(gl_shadow *b, gl_shadow_way *w, const gl_truth *t)
     w->ms.n = 0;
     timing_add(&w->ms, ms * t->size * t->size / (t->lattice * t->lattice));
     return ms;
+}
+
+/* ------------------------------------------------------------------------------------- search */
+
+#define GL_SHADOW_ERROR 0.005
+#define GL_SHADOW_BUDGET 12e3 /* ms of drawing for the search in one scene */
+
+enum { GL_SHADOW_SCENES = 6, GL_SHADOW_COARSE = 9, GL_SHADOW_OURS = 12, GL_SHADOW_ROUNDS = 5 };
+
+static const char *const gl_shadow_paths[GL_SHADOW_SCENES] = {
+    "bench/eight.scatter",     "bench/eight_four.scatter",           "bench/eight_core.scatter",
+    "bench/eight_two.scatter", "examples/scenes/dense_core.scatter", "bench/cloud.scatter"};
+
+static int gl_shadow_better(const gl_shadow_way *a, const gl_shadow_way *b)
+{
+    int reaches = a->rmse <= GL_SHADOW_ERROR, reached = b->rmse <= GL_SHADOW_ERROR;
+    if (!b->steps || reaches != reached)
+        return !b->steps || reaches;
+    return reaches ? timing_min(&a->ms) < timing_min(&b->ms) : a->rmse < b->rmse;
+}
+
+/* More and more steps on the eye ray for these on the shadow rays. Returns ms spent. */
+static double gl_shadow_raise(gl_shadow *b, const gl_truth *t, int shadow_steps, double budget,
+                              gl_shadow_way *best, FILE *points)
+{
+    double spent = 0, last = 0, before = INFINITY;
+    for (int steps = 8; steps <= 4096 && spent + 1.5 * last < budget; steps += steps / 2) {
+        gl_shadow_way w = {steps, shadow_steps, 0, {{0}, 0}};
+        char way[32];
+        spent += last = gl_shadow_try(b, &w, t);
+        snprintf(way, sizeof way, "%d, %d", steps, shadow_steps);
+        chart_point(points, b->scene->name, "shadow rays", way, timing_min(&w.ms), w.rmse);
+        if (gl_shadow_better(&w, best))
+            *best = w;
+        if (w.rmse <= GL_SHADOW_ERROR || (steps >= 64 && fabs(w.rmse - before) < 0.02 * before))
+            break;
+        before = w.rmse;
+    }
+    return spent;
+}
+
+/* The fastest setting of the baseline that keeps the error, else the most accurate one. */
+static gl_shadow_way gl_shadow_search(gl_shadow *b, const gl_truth *t)
+{
+    static const int coarse[GL_SHADOW_COARSE] = {4, 6, 8, 12, 16, 24, 32, 64, 128};
+    gl_shadow_way best = {0, 0, 0, {{0}, 0}}, first = {8, 4, 0, {{0}, 0}};
+    FILE *points = chart_open(b->scene->name, "shadow");
+    double spent = 0, budget = by_level(1, 4, 12) * GL_SHADOW_BUDGET / 12;
+    gl_shadow_try(b, &first, t); /* compiles */
+    for (int i = 0; i < GL_SHADOW_COARSE && spent < budget; i++) {
+        double was = timing_min(&best.ms);
+        int reached = best.steps && best.rmse <= GL_SHADOW_ERROR;
+        spent += gl_shadow_raise(b, t, coarse[i], budget - spent, &best, points);
+        if (reached && timing_min(&best.ms) >= was)
+            break;
+    }
+    chart_close(points);
+    return best;
+}
+
+/* ---------------------------------------------------------------------------------------- ours */
+
+/* Settings of ours from the fastest on: closed form, and columns where there are voxels. */
+static int gl_shadow_settings(const gl_scene *s, setting *all)
+{
+    static const int nodes[] = {8, 9, 10, 11, 12, 14, 16, 20, 24, 32};
+    static const int grids[][2] = {{64, 8},   {128, 8},  {64, 16},  {128, 16}, {192, 16},
+                                   {128, 32}, {192, 32}, {256, 32}, {192, 64}};
+    int voxels = s->file.scene.medium.grid_count > 0, count = voxels ? 9 : 10;
+    for (int i = 0; i < count; i++)
+        all[i] = voxels ? setting_of(SCATTER_DEPTH_POLAR, SCATTER_RAY_QUADRATURE, grids[i][1],
+                                     grids[i][0])
+                        : setting_of(SCATTER_DEPTH_CLOSED, SCATTER_RAY_QUADRATURE, nodes[i], 0);
+    return count;
+}
+
+/* The first setting that keeps the error, else the most accurate one. */
+static setting gl_shadow_ours(gl_scene *s, const gl_truth *t)
+{
+    setting all[GL_SHADOW_OURS], best = {0};
+    int count = gl_shadow_settings(s, all);
+    for (int i = 0; i < count; i++) {
+        gl_measure(s, &all[i], 1);
+        gl_compare(s, t, &all[i]);
+        if (i == 0 || all[i].rmse < best.rmse)
+            best = all[i];
+        if (all[i].rmse <= GL_SHADOW_ERROR)
+            break;
+    }
+    return best;
+}
+
+/* -------------------------------------------------------------------------------------- report */
+
+/* Both in turn, at full size. */
+static void gl_shadow_measure(gl_shadow *b, setting *ours, gl_shadow_way *w)
+{
+    int size = b->host.fog_view.width;
+    scatter_view view = scene_view(&b->scene->file, size, size);
+    double sampled = timing_min(&w->ms);
+    int rounds = by_level(1, 2, sampled > 4e3 ? 1 : GL_SHADOW_ROUNDS);
+    ours->rays.n = ours->setup.n = 0;
+    timing_add(&ours->setup, gl_update_ms(b->scene, &ours->quality, NULL));
+    w->ms.n = 0;
+    for (int i = 0; i < rounds; i++) {
+        timing_add(&ours->rays, gl_draw_ms(b->scene));
+        timing_add(&w->ms, sampled > 30e3 ? sampled : gl_shadow_draw(b, w, &view, size));
+    }
+}
+
+static void gl_shadow_row(report *r, const gl_shadow *b, const setting *ours,
+                          const gl_shadow_way *w)
+{
+    char target[160];
+    double ratio = timing_median(&w->ms) / timing_median(&ours->rays);
+    int reached = w->rmse <= GL_SHADOW_ERROR;
+    report_cell(r, "%s", b->scene->name);
+    report_cell(r, "%d", ours->quality.nodes);
+    report_cell(r, "%.3g", 100 * ours->rmse);
+    report_cell(r, "%.2f", timing_median(&ours->setup));
+    report_cell(r, "%.2f%s", timing_median(&ours->rays), timing_flag(&ours->rays));
+    report_cell(r, "%d x %d", w->steps, w->shadow_steps);
+    report_cell(r, "%.3g", 100 * w->rmse);
+    report_cell(r, "%.1f%s", timing_median(&w->ms), timing_flag(&w->ms));
+    report_cell(r, "%d", ours->rays.n);
+    report_cell(r, "%s%.1f", reached ? "" : "> ", ratio);
+    report_row(r, 1);
+    snprintf(target, sizeof target, "%s: view pass at 0.5 %% >= 20 times as fast as shadow rays",
+             b->scene->name);
+    report_target(r, ours->rmse <= GL_SHADOW_ERROR && ratio >= 20, target,
+                  "%s%.1f times (%.3g %% in %.2f ms, %.3g %% in %.1f ms)",
+                  reached ? "" : "more than ", ratio, 100 * ours->rmse, timing_median(&ours->rays),
+                  100 * w->rmse, timing_median(&w->ms));
+}
+
+static void gl_shadow_scene(report *r, const char *path)
+{
+    gl_scene s;
+    gl_truth t;
+    gl_shadow b;
+    gl_scene_open(&s, path, gl_size(), gl_size());
+    gl_truth_open(&t, &s, gl_size(), gl_lattice());
+    gl_shadow_open(&b, &s, gl_size());
+    gl_shadow_way w = gl_shadow_search(&b, &t);
+    setting ours = gl_shadow_ours(&s, &t);
+    gl_shadow_measure(&b, &ours, &w);
+    gl_shadow_row(r, &b, &ours, &w);
+    gl_shadow_close(&b);
+    gl_truth_close(&t);
+    gl_scene_close(&s);
+}
+
+static void gl_shadow_run(report *r)
+{
+    report_text(r, "## Beside shadow rays");
+    report_text(r,
+                "The view pass against a fragment shader that marches the eye ray in uniform steps "
+                "and from each step a shadow ray to each light, both in the fastest setting found "
+                "that errs by at most 0.5 %%, %dx%d pixels, the draw alone (`update` beside it). "
+                "The baseline is searched over both numbers of steps; `>`: it does not reach the "
+                "error in the time of the search, and its most accurate setting is compared.",
+                gl_size(), gl_size());
+    report_table(r, "gl_shadow",
+                 "scene|nodes|RMSE %|update ms|view ms|shadow rays|RMSE %|ms|n|times as fast");
+    for (int i = 0; i < by_level(1, 3, GL_SHADOW_SCENES); i++)
+        if (scene_has_data(gl_shadow_paths[i]))
+            gl_shadow_scene(r, gl_shadow_paths[i]);
+        else
+            report_text(r, "%s: skipped: no data", gl_shadow_paths[i]);
+    report_end(r);
 }
 
 #endif

@@ -41,7 +41,7 @@ static double setting_ms(const setting *s)
 }
 
 /* Does none of them beat it? */
-static int on_front(const setting *s, const setting *all, int n)
+static inline int on_front(const setting *s, const setting *all, int n)
 {
     int beaten = s->skipped || isnan(s->rmse);
     for (int i = 0; i < n && !beaten; i++)
@@ -51,7 +51,7 @@ static int on_front(const setting *s, const setting *all, int n)
 
 /* ---------------------------------------------------------------------------------- pictures */
 
-static scatter_image image_of(float *rgb, int width, int height)
+static inline scatter_image image_of(float *rgb, int width, int height)
 {
     scatter_image image;
     memset(&image, 0, sizeof image);
@@ -62,7 +62,7 @@ static scatter_image image_of(float *rgb, int width, int height)
 }
 
 /* Update in a fresh context and render, both timed. */
-static void render_timed(setting *s, const scatter_scene *scene, const scatter_view *view,
+static inline void render_timed(setting *s, const scatter_scene *scene, const scatter_view *view,
                          const scatter_image *image)
 {
     bench_host books = {0, s->threads};
@@ -173,7 +173,7 @@ static void reference_of_file(const scene_file *file, const char *path, const sc
     reference_cached(&file->scene, path, hash_file(HASH_START, path), view, size, rgb);
 }
 
-static int scene_holds(const char *path, const char *words)
+static inline int scene_holds(const char *path, const char *words)
 {
     char *text = report_file(path);
     int found = strstr(text, words) != NULL;

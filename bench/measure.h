@@ -42,7 +42,7 @@ static double wall_ms(void)
 }
 
 /* Processor time of this thread: what one thread costs, however busy the machine is. */
-static double thread_ms(void)
+static inline double thread_ms(void)
 {
     return clock_ms(CLOCK_THREAD_CPUTIME_ID);
 }

@@ -77,6 +77,17 @@ static void report_close(report *r)
         report_die("cannot write", r->path);
 }
 
+/* What a part holds so far, as a file of its own. */
+static inline void report_copy(report *r, report_part part, const char *path)
+{
+    FILE *page = fopen(path, "w");
+    if (fflush(r->part[part]) != 0)
+        report_die("no memory for", path);
+    if (!page || fwrite(r->text[part], 1, r->bytes[part], page) != r->bytes[part] ||
+        fclose(page) != 0)
+        report_die("cannot write", path);
+}
+
 /* The whole text of a file; free() it. */
 static char *report_file(const char *path)
 {
@@ -217,7 +228,8 @@ static void report_target(report *r, int reached, const char *target, const char
 }
 
 /* A row of README.md's table: what, what was asked for, what was measured. */
-static void report_claim(report *r, const char *what, const char *asked, const char *format, ...)
+static inline void report_claim(report *r, const char *what, const char *asked, const char *format,
+                                ...)
 {
     char measured[REPORT_LINE / 2];
     va_list list;
@@ -230,7 +242,7 @@ static void report_claim(report *r, const char *what, const char *asked, const c
 }
 
 /* Replaces what stands between the two marks in the file by the claims. */
-static void report_write_claims(const report *r, const char *path)
+static inline void report_write_claims(const report *r, const char *path)
 {
     static const char begin[] = "<!-- make bench begin -->\n", end[] = "<!-- make bench end -->";
     char *text = report_file(path), *from = strstr(text, begin), *to = strstr(text, end);

@@ -213,7 +213,7 @@ static void shadow_rays(const shadow_scene *s, const shadow_points *o, const sha
 }
 
 /* A square picture of size^2 pixels, 16 of a row at a time; size is a multiple of 16. */
-static void shadow_image(const shadow_scene *s, const scatter_view *view, int size, int steps,
+static inline void shadow_image(const shadow_scene *s, const scatter_view *view, int size, int steps,
                          int shadow_steps, float *image)
 {
     for (int first = 0; first < size * size; first += SHADOW_LANES) {
@@ -273,7 +273,7 @@ static shadow_scene shadow_scene_of(const scatter_scene *scene)
 }
 
 /* The Gaussians injected into n^3 cells, which the rays read instead. `values` takes n^3. */
-static void shadow_inject(shadow_scene *s, int n, float *values)
+static inline void shadow_inject(shadow_scene *s, int n, float *values)
 {
     scatter_medium local = s->scene->medium;
     scatter_volume volume = {values, n, n, n, s->reach};

@@ -233,6 +233,9 @@ step_bench() {
     check "compiles" make -j"$JOBS" BUILD=$OUT/bench CFLAGS=-O1 WARNINGS="$WARNINGS" "$program"
     check "runs" "$program" --test
     check "writes its report" grep -q '^## All targets' build/bench/test/report.md
+    check "compiles, OpenGL" make BUILD=$OUT/bench CFLAGS=-O1 WARNINGS="$WARNINGS" "$program-gl"
+    check "runs, OpenGL" "$program-gl" --test
+    check "writes its report, OpenGL" grep -q '^## All targets' build/bench/gl/test/report.md
     check "README has a place for its table" grep -q '^<!-- make bench begin -->$' README.md
     check "measures" measures_work
     refuse "median" "$wrong" measures_work 's/0\.5 \* (t->ms/0.6 * (t->ms/'

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# setup.sh demo|bench|peers|test: installs the Debian packages that are missing and that the make
-# target of that name (peers: bench-peers) needs, as root or by sudo, and says so. Where it cannot,
+# setup.sh demo|bench|gl|peers|test: installs the Debian packages that are missing and that the make
+# target of that name (gl, peers: bench-...) needs, as root or by sudo, and says so. Where it cannot,
 # it names them and fails.
 set -u
 
@@ -12,9 +12,10 @@ checks="libcmocka-dev libmpfr-dev glslang-tools pkg-config cmake libegl1 libgl-d
 case "${1-}" in
 demo) packages="$programs" ;;
 bench) packages="$programs $reference libopenvdb-tools gnuplot-nox" ;;
+gl) packages="$programs $reference gnuplot-nox libegl1 libgl1-mesa-dri" ;;
 peers) packages="$programs $reference libopenvdb-tools povray" ;;
 test) packages="$programs $reference $compilers $checks" ;;
-*) echo "usage: setup.sh demo|bench|peers|test" >&2; exit 2 ;;
+*) echo "usage: setup.sh demo|bench|gl|peers|test" >&2; exit 2 ;;
 esac
 
 # Prints those of the named packages that are not installed.
