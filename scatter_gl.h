@@ -4221,20 +4221,24 @@ static scatter_result scatteri_gl_update_batch(scatter_gl *f, int batch)
 
 /* --- quality --- */
 
+/* Gaussians up to which depth to the lights, and density on the ray, are in closed form unless something else is asked
+   for. */
+enum { SCATTERI_GL_CLOSED = 16, SCATTERI_GL_EXACT = 256 };
+
 static scatter_quality scatteri_gl_resolve(const scatter_gl *f, const scatter_quality *quality)
 {
     const scatter_medium *m = &f->medium.desc;
-    const int few = m->gaussian_count <= SCATTERI_GL_FEW;
+    const int exact = m->gaussian_count <= SCATTERI_GL_EXACT && m->grid_count <= 1;
     scatter_quality q;
     memset(&q, 0, sizeof q);
     if (quality != NULL)
         q = *quality;
     if (q.depth == SCATTER_DEPTH_AUTO)
-        q.depth = !few || m->grid_count > 0 ? SCATTER_DEPTH_POLAR
-                  : f->can_draw_float       ? SCATTER_DEPTH_CLOSED_VOLUME
-                                            : SCATTER_DEPTH_CLOSED;
+        q.depth = m->grid_count == 0 && (m->gaussian_count <= SCATTERI_GL_CLOSED || !f->can_draw_float)
+                      ? SCATTER_DEPTH_CLOSED
+                      : SCATTER_DEPTH_POLAR;
     if (q.density == SCATTER_DENSITY_AUTO)
-        q.density = few && m->grid_count <= 1 ? SCATTER_DENSITY_EXACT : SCATTER_DENSITY_VOLUME;
+        q.density = exact ? SCATTER_DENSITY_EXACT : SCATTER_DENSITY_VOLUME;
     q.nodes = q.nodes != 0 ? q.nodes : 16;
     q.grid = scatteri_choose_grid(q.grid, m);
     return q;
