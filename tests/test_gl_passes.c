@@ -490,8 +490,7 @@ static void test_polar_volume(gl_rig *rig) {
     float *density, *values;
     double worst = 0;
     int i;
-    open_cloud(&w, 0);
-    add_smooth_grid(&w, 9, check_cube(0.1f, 0.8f));
+    open_mixture(&w); /* two grids: one would be read itself */
     add_lights(&w, 0, 4);
     fill_fog(fog, &w, &q, NULL);
     memset(&grid, 0, sizeof grid);
