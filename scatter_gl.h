@@ -3817,7 +3817,7 @@ static float scatteri_gl_reached(float radius, float low, float high, int n)
     return scatteri_min(2.0f * radius * (float)n / (high - low), (float)n);
 }
 
-/* Whether quads cost less than gathering. Both have been measured (bench): adding to a cell costs about twice as much as
+/* Whether quads cost less than gathering. Both have been measured (bench): adding to a cell costs up to twice as much as
    looking at a Gaussian from a cell. */
 static int scatteri_gl_quads_pay(const scatter_gl *f)
 {
