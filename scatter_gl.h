@@ -2310,7 +2310,7 @@ static const char scatteri_gl_smooth[] =
     "    float size = hull.y - hull.x, panels = ceil(scatteri_features * size / scatteri_panel_size);\n"
     "    float step = whole < 0 ? size / max(panels, 1.0) : 2.0 * size;\n"
     "    float most = whole < 0 && scatteri_bent ? 0.5 * scatteri_panel_size : SCATTERI_FAR;\n"
-    "    float ua, ub = scatteri_to_u(hull.x), end = scatteri_to_u(hull.y);\n"
+    "    float ua = 0.0, ub = scatteri_to_u(hull.x), end = scatteri_to_u(hull.y);\n"
     "    for (int guard = 0; guard < 65536; guard++) {\n"
     "        if (k == n) {\n"
     "            if (!(ub < end))\n"
