@@ -446,17 +446,24 @@ void test_closed(void **)
     close_stage(&s);
 }
 
-/* A Gaussian that nothing shines through takes the erf that keeps its digits in the tails. */
-void test_thick(void **)
+/* A Gaussian that nothing shines through takes the erf that keeps its digits in the tails, and rays list
+   the Gaussians that reach them. */
+void expect_thick(size_t gaussians)
 {
     stage s = {};
-    open_world(&s, "psd", 3);
+    open_world(&s, "psd", gaussians);
     s.world.gaussians[1].c = 200.0f;
     s.quality.depth = SCATTER_DEPTH_CLOSED;
     s.quality.nodes = 64;
     open_stage(&s);
     expect(COMPARE(&s, thick), ROUNDING, COVERAGE);
     close_stage(&s);
+}
+
+void test_thick(void **)
+{
+    expect_thick(3);
+    expect_thick(60);
 }
 
 /* Nothing cuts the rays: one loop over all nodes. With narrow Gaussians it has many panels, and places
