@@ -2287,9 +2287,10 @@ static const char scatteri_gl_cuts[] =
 
 /* Where Gaussians take nodes, and all of these in one loop where nothing can cut the ray. */
 static const char scatteri_gl_smooth[] =
-    "#if defined(SCATTERI_FEW_THIN) && defined(SCATTERI_GAUSSIANS) && !defined(SCATTERI_FIELD) && \\\n"
-    "    !defined(SCATTERI_FOG) && !defined(SCATTERI_SHADOWS) && !defined(SCATTERI_SPOT)\n"
+    "#if defined(SCATTERI_FEW_THIN) && defined(SCATTERI_GAUSSIANS) && !defined(SCATTERI_FIELD)\n"
+    "#if !defined(SCATTERI_FOG) && !defined(SCATTERI_SHADOWS) && !defined(SCATTERI_SPOT)\n"
     "#define SCATTERI_SMOOTH\n"
+    "#endif\n"
     "#endif\n"
     "/* Where Gaussians take nodes, and the glow of a light in their rim. */\n"
     "vec2 scatteri_hull() {\n"
