@@ -219,11 +219,35 @@ static double distance_of(const scatter_depth *d, int i, int j, int k) {
     return check_distance(scatteri_cell(d, i, j, k), d->source.position);
 }
 
+/* Whether rounding decides if a column runs in a face of the bounds or beside it: from a source there, or parallel to an
+   axis. */
+static int grazes(const scatter_depth *twin, int i, int j) {
+    const scatter_medium *m = &twin->medium->desc;
+    const scatter_vec3 grain = check_v3(1e-5f, 1e-5f, 1e-5f);
+    scatter_box small = m->bounds, large = m->bounds;
+    float a0 = 0, a1, b0 = 0, b1;
+    scatteri_rays rays;
+    scatter_vec3 from;
+    int a, b;
+    if (!m->bounded || twin->method != SCATTER_DEPTH_POLAR)
+        return 0;
+    scatteri_columns(twin, i, j, &rays);
+    from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
+    a1 = b1 = rays.t1[0];
+    small.min = scatteri_add(small.min, grain);
+    small.max = scatteri_sub(small.max, grain);
+    large.min = scatteri_sub(large.min, grain);
+    large.max = scatteri_add(large.max, grain);
+    a = scatteri_clip(small, from, scatteri_ray_direction(&rays, 0), &a0, &a1);
+    b = scatteri_clip(large, from, scatteri_ray_direction(&rays, 0), &b0, &b1);
+    return (b ? b1 - b0 : 0.0f) - (a ? a1 - a0 : 0.0f) > 0.01f;
+}
+
 /* Relative RMS error of a channel of a volume against a twin's values. */
 static double channel_error(const scatteri_gl_texture *t, const float *values, int channel,
                             const scatter_depth *twin, fault what) {
     check_error e = check_no_error();
-    int i, j, k;
+    int i, j, k, left_out = 0;
     for (k = 0; k < twin->nz; k++)
         for (j = 0; j < twin->ny; j++)
             for (i = 0; i < twin->nx; i++) {
@@ -232,8 +256,12 @@ static double channel_error(const scatteri_gl_texture *t, const float *values, i
                 double truth = value_of(twin->values, twin->nx, twin->ny, i, j, k, what);
                 if (what == UNDIVIDED)
                     truth *= distance_of(twin, i, j, k);
-                check_add(&e, value, truth);
+                if (grazes(twin, i, j))
+                    left_out++;
+                else
+                    check_add(&e, value, truth);
             }
+    assert_true(left_out * 4 <= twin->nx * twin->ny * twin->nz); /* 0.16 at most here */
     return check_relative_rms(&e);
 }
 
