@@ -128,6 +128,12 @@ static int gl_size(void)
     return gl_software() ? by_level(32, 128, 256) : 1024;
 }
 
+/* Repeats; a GPU is quick. */
+static int gl_rounds(int of_software)
+{
+    return gl_software() ? by_level(1, 1, of_software) : 15;
+}
+
 static int gl_lattice(void)
 {
     return by_level(16, 32, 64);

@@ -23,7 +23,7 @@ static void gl_frames_open(gl_scene *s, int width, int height)
 /* Update with and without the eye, and draw, in turn. */
 static void gl_frames_measure(gl_scene *s, setting *way, timing *with_eye)
 {
-    int rounds = by_level(1, 2, 3);
+    int rounds = gl_rounds(1);
     with_eye->n = 0;
     gl_measure(s, way, rounds);
     for (int i = 0; i <= rounds; i++) {
@@ -130,7 +130,7 @@ static void gl_frames_run(report *r)
         ways[i] = setting_of(gl_frames_methods[i], SCATTER_RAY_QUADRATURE, GL_FRAMES_NODES, grid);
         gl_frames_error(&ways[i]);
     }
-    gl_frames_size(r, ways, by_level(64, 1280, 1280), by_level(36, 720, 720));
+    gl_frames_size(r, ways, by_level(64, 640, 1280), by_level(36, 360, 720));
     if (level == LEVEL_FULL)
         gl_frames_size(r, ways, 1920, 1080);
     report_end(r);
@@ -188,7 +188,7 @@ static void gl_costs_row(report *r, gl_scene *s, const gl_cost *c)
     if (c->lights)
         gl_costs_lights(s, lights, c->lights);
     s->host.fog_view.divide = c->divide;
-    gl_measure(s, &way, by_level(1, 2, 3));
+    gl_measure(s, &way, gl_rounds(2));
     s->file.scene.medium.gaussians = own;
     s->file.scene.medium.gaussian_count = count;
     s->host.fog_view.divide = 1;

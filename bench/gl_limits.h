@@ -84,7 +84,7 @@ static void gl_limits_open(gl_limits *b, const gl_scene *s, int size)
     gl_limits_upload(b, 64);
     for (int i = 0; i < GL_LIMITS_LOOPS; i++)
         b->program[i] = gl_limits_program(b, gl_limits_loops[i]);
-    for (int round = 0; round <= by_level(1, 3, 5); round++)
+    for (int round = 0; round <= gl_rounds(5); round++)
         for (int i = 0; i < GL_LIMITS_LOOPS; i++) {
             double ms = gl_limits_ms(b, b->program[i], size);
             if (round > 0) /* the first one compiles */
@@ -119,7 +119,7 @@ static void gl_limits_row(report *r, const gl_limits *b, gl_scene *s, scatter_de
 {
     setting way = setting_of(depth, SCATTER_RAY_QUADRATURE, nodes, by_level(16, 32, 64));
     double gaussians = (double)s->file.scene.medium.gaussian_count, fetch, eye, light, limit;
-    gl_measure(s, &way, by_level(1, 3, 5));
+    gl_measure(s, &way, gl_rounds(5));
     double used = gl_limits_nodes(s);
     fetch = timing_median(&b->ms[0]) / GL_LIMITS_TIMES * used;
     eye = timing_median(&b->ms[1]) / GL_LIMITS_TIMES * used * gaussians;

@@ -8,7 +8,7 @@
 enum {
     GL_SETTINGS_SCENES = 4,
     GL_SETTINGS_ROOM = 48,
-    GL_SETTINGS_SLOW = 800 /* ms; what takes longer is measured once */
+    GL_SETTINGS_SLOW = 150 /* ms; what takes longer is measured once */
 };
 
 static const char *const gl_settings_paths[GL_SETTINGS_SCENES] = {
@@ -77,7 +77,7 @@ static void gl_settings_measure(gl_scene *s, const gl_truth *t, setting *way)
 {
     gl_measure(s, way, 1);
     gl_compare(s, t, way);
-    for (int i = 0; i < by_level(0, 1, 2) && setting_ms(way) < GL_SETTINGS_SLOW; i++) {
+    for (int i = 0; i < gl_rounds(3) - 1 && setting_ms(way) < GL_SETTINGS_SLOW; i++) {
         timing_add(&way->setup, gl_update_ms(s, &way->quality, NULL));
         timing_add(&way->rays, gl_draw_ms(s));
     }

@@ -344,7 +344,7 @@ static void gl_shadow_measure(gl_shadow *b, setting *ours, gl_shadow_way *w)
     int size = b->host.fog_view.width;
     scatter_view view = scene_view(&b->scene->file, size, size);
     double sampled = timing_min(&w->ms);
-    int rounds = by_level(1, 2, sampled > 4e3 ? 1 : GL_SHADOW_ROUNDS);
+    int rounds = sampled > 1e3 ? 1 : gl_rounds(GL_SHADOW_ROUNDS);
     ours->rays.n = ours->setup.n = 0;
     timing_add(&ours->setup, gl_update_ms(b->scene, &ours->quality, NULL));
     w->ms.n = 0;
