@@ -309,10 +309,10 @@ static gl_shadow_way gl_shadow_search(gl_shadow *b, const gl_truth *t)
 /* Settings of ours from the fastest on: closed form, and columns where there are voxels. */
 static int gl_shadow_settings(const gl_scene *s, setting *all)
 {
-    static const int nodes[] = {8, 9, 10, 11, 12, 14, 16, 20, 24, 32};
+    static const int nodes[] = {5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 20, 24};
     static const int grids[][2] = {{64, 8},   {128, 8},  {64, 16},  {128, 16}, {192, 16},
                                    {128, 32}, {192, 32}, {256, 32}, {192, 64}};
-    int voxels = s->file.scene.medium.grid_count > 0, count = voxels ? 9 : 10;
+    int voxels = s->file.scene.medium.grid_count > 0, count = voxels ? 9 : 12;
     for (int i = 0; i < count; i++)
         all[i] = voxels ? setting_of(SCATTER_DEPTH_POLAR, SCATTER_RAY_QUADRATURE, grids[i][1],
                                      grids[i][0])
