@@ -40,13 +40,15 @@
    Timer queries: OpenGL only.
 
    GL state that is touched, saved before each call and restored behind it (unless desc.keep_state):
-     program, vertex array, draw framebuffer; viewport 0, scissor test 0; blending, its functions and equations, colour
+     program, vertex array, draw framebuffer; viewport 0, scissor test 0; clip control; blending, its functions and equations, colour
      masks of all draw buffers; depth, stencil, culling, rasterizer discard, alpha to coverage and to one, sample
      coverage and mask, logic operation, polygon smoothing and mode, clip control, point size by program, clip distances (all off in
      between); texture units 0..10: 2D, 3D, 2D array and cube bindings and samplers; active unit; uniform buffer
      bindings 0..2 and the general one; pixel unpack buffer and storage.
      Nothing is cached from call to call, and glGetError is never called. Not touched: read framebuffer, array and
-     element buffers, renderbuffers, pack state, queries, transform feedback (it must not be active).
+     element buffers, renderbuffers, pack state, queries (yours count the passes), transform feedback (it must be
+     paused). Your depth texture and shadow maps are read plainly, but for swizzle and GL_DEPTH_STENCIL_TEXTURE_MODE,
+     which are the texture's own. Clip control is saved, and GL_UPPER_LEFT understood.
      scatter_gl_bind_surface is there to change your state: it says what it leaves.
      With several draw buffers on OpenGL ES 3.0 your framebuffer must have one colour attachment.
 
@@ -59,9 +61,9 @@
    Step by step
    1. scatter_gl_create, once for each context. scatter_gl_warm_up compiles ahead of the first frame, if you like.
    2. scatter_gl_set_medium, scatter_gl_set_lights: copied. Setting the same again costs a comparison.
-   3. scatter_gl_update: quality as in scatter.h. auto depth is the closed volume for up to 64 Gaussians, polar for more
-      and for grids; auto density is exact up to 64 Gaussians and one grid, else a volume. eq6, short and march are for
-      the CPU.
+   3. scatter_gl_update: quality as in scatter.h. auto depth is closed for up to 16 Gaussians, polar for more and for
+      grids; auto density is exact up to 256 Gaussians and one grid, else a volume. eq6, short and march are for the
+      CPU.
    4. scatter_gl_draw, as often as you have views: two for stereo.
    5. Surfaces: put scatter_gl_surface_glsl(fog) behind the #version line of your shaders, multiply each light with
       scatter_light_transmittance(i, world), call scatter_gl_bind_surface before drawing. When that text changes (the
@@ -74,6 +76,9 @@
    Memory: host.allocate only in create, warm_up, surface_glsl, and where programs or grids become more; textures are
    made when limits, quality or sizes grow. A frame after the first like it allocates, compiles and creates nothing.
    Threads: as OpenGL: the thread whose context is current.
+   Limits: 8 terms of height fog; 16 lights for surfaces, any number in the fog; voxels on every axis as the context
+   allows. Mesa's llvmpipe ends the loops of a pixel after 65535 turns without a word: exact density with hundreds of
+   Gaussians on one ray, or hundreds of nodes, come out too dark there; a density volume does not.
 */
 #ifndef SCATTER_GL_H
 #define SCATTER_GL_H
@@ -620,6 +625,7 @@ struct scatter_gl {
     int max_3d, max_2d, draw_buffers;
     int can_blend_float, can_filter_float, can_draw_float, can_draw_half;
     int lost;    /* no GL calls any more */
+    int upside_down; /* the host has clip y downwards: GL_UPPER_LEFT */
     int dropped; /* textures were deleted since the state was saved */
 
     scatteri_medium medium;
@@ -3078,16 +3084,16 @@ static const unsigned scatteri_gl_target_bindings[SCATTERI_GL_TARGETS] = {0x8069
 /* Switches that would change or discard what a pass draws; all are off during it. */
 static const struct {
     unsigned name;
-    int es; /* OpenGL ES has it, too */
+    int es; /* version of OpenGL ES from which on it is there; 0: never */
 } scatteri_gl_switches[] = {
-    {0x0B71, 1}, /* DEPTH_TEST */
-    {0x0B90, 1}, /* STENCIL_TEST */
-    {0x0B44, 1}, /* CULL_FACE */
-    {0x8C89, 1}, /* RASTERIZER_DISCARD */
-    {0x809E, 1}, /* SAMPLE_ALPHA_TO_COVERAGE */
-    {0x80A0, 1}, /* SAMPLE_COVERAGE */
+    {0x0B71, 300}, /* DEPTH_TEST */
+    {0x0B90, 300}, /* STENCIL_TEST */
+    {0x0B44, 300}, /* CULL_FACE */
+    {0x8C89, 300}, /* RASTERIZER_DISCARD */
+    {0x809E, 300}, /* SAMPLE_ALPHA_TO_COVERAGE */
+    {0x80A0, 300}, /* SAMPLE_COVERAGE */
     {0x809F, 0}, /* SAMPLE_ALPHA_TO_ONE */
-    {0x8E51, 0}, /* SAMPLE_MASK */
+    {0x8E51, 310}, /* SAMPLE_MASK */
     {0x0BF2, 0}, /* COLOR_LOGIC_OP */
     {0x0B41, 0}, /* POLYGON_SMOOTH */
     {0x3000, 0}, /* CLIP_DISTANCE0 and the others */
@@ -3131,6 +3137,12 @@ static int scatteri_gl_get(const scatter_gl *f, unsigned name)
     int value = 0;
     f->gl.GetIntegerv(name, &value);
     return value;
+}
+
+static int scatteri_gl_has_switch(const scatter_gl *f, int i)
+{
+    const int since = scatteri_gl_switches[i].es;
+    return !f->es || (since != 0 && f->version >= since);
 }
 
 static void scatteri_gl_switch(const scatter_gl *f, unsigned name, int on)
@@ -3204,7 +3216,7 @@ static void scatteri_gl_save_output(const scatter_gl *f, scatteri_gl_state *s)
         gl->GetFloati_v(SCATTERI_GL_VIEWPORT, 0, s->viewport_exact);
     s->scissor = gl->IsEnabled(SCATTERI_GL_SCISSOR_TEST);
     for (i = 0; i < (int)SCATTERI_GL_SWITCHES; i++)
-        if (!f->es || scatteri_gl_switches[i].es)
+        if (scatteri_gl_has_switch(f, i))
             s->on[i] = gl->IsEnabled(scatteri_gl_switches[i].name);
     if (!f->es)
         gl->GetIntegerv(SCATTERI_GL_POLYGON_MODE, s->polygon_mode);
@@ -3268,7 +3280,7 @@ static void scatteri_gl_restore_output(const scatter_gl *f, const scatteri_gl_st
         gl->Viewport(s->viewport[0], s->viewport[1], s->viewport[2], s->viewport[3]);
     scatteri_gl_switch_scissor(f, s->scissor);
     for (i = 0; i < (int)SCATTERI_GL_SWITCHES; i++)
-        if (!f->es || scatteri_gl_switches[i].es)
+        if (scatteri_gl_has_switch(f, i))
             scatteri_gl_switch(f, scatteri_gl_switches[i].name, s->on[i]);
     if (!f->es && gl->PolygonMode != NULL)
         gl->PolygonMode(SCATTERI_GL_FRONT_AND_BACK, (unsigned)s->polygon_mode[0]);
@@ -3330,7 +3342,7 @@ static void scatteri_gl_write_buffers(const scatter_gl *f, int count)
 }
 
 /* The state in which passes draw. */
-static void scatteri_gl_prepare(const scatter_gl *f)
+static void scatteri_gl_prepare(scatter_gl *f)
 {
     const scatteri_gl_functions *gl = &f->gl;
     int i;
@@ -3338,12 +3350,14 @@ static void scatteri_gl_prepare(const scatter_gl *f)
     gl->Disable(SCATTERI_GL_BLEND);
     scatteri_gl_switch_scissor(f, 0);
     for (i = 0; i < (int)SCATTERI_GL_SWITCHES; i++)
-        if (!f->es || scatteri_gl_switches[i].es)
+        if (scatteri_gl_has_switch(f, i))
             gl->Disable(scatteri_gl_switches[i].name);
     if (!f->es && gl->PolygonMode != NULL)
         gl->PolygonMode(SCATTERI_GL_FRONT_AND_BACK, SCATTERI_GL_FILL);
-    if (gl->ClipControl != NULL)
+    if (gl->ClipControl != NULL) {
+        f->upside_down = scatteri_gl_get(f, SCATTERI_GL_CLIP_ORIGIN) != SCATTERI_GL_LOWER_LEFT;
         gl->ClipControl(SCATTERI_GL_LOWER_LEFT, SCATTERI_GL_MINUS_ONE_TO_ONE);
+    }
     gl->BindBuffer(SCATTERI_GL_UNPACK_BUFFER, 0);
     for (i = 0; i < (int)SCATTERI_GL_UNPACKS; i++)
         if (!f->es || scatteri_gl_unpack[i].es)
@@ -4503,6 +4517,18 @@ static scatter_result scatteri_gl_check_view(scatter_gl *f, const scatter_gl_vie
     return scatteri_gl_set_camera(f, v);
 }
 
+/* Rays of a window in which clip y points down. */
+static void scatteri_gl_turn_camera(scatter_gl *f)
+{
+    scatteri_gl_view_block *b = &f->view_block;
+    int i;
+    for (i = 0; i < 3; i++) {
+        b->eye_dy[i] = -b->eye_dy[i];
+        b->forward_dy[i] = -b->forward_dy[i];
+    }
+    b->weight[1] = -b->weight[1];
+}
+
 static void scatteri_gl_send_view(scatter_gl *f, const scatter_gl_view *v, int divide)
 {
     scatteri_gl_view_block *b = &f->view_block;
@@ -4736,6 +4762,8 @@ SCATTER_API scatter_result scatter_gl_draw(scatter_gl *f, const scatter_gl_view 
     if (result != SCATTER_OK || empty)
         return result;
     scatteri_gl_save(f, &state);
+    if (f->upside_down)
+        scatteri_gl_turn_camera(f);
     scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_VIEW);
     scatteri_gl_bind_scene(f, v);
     result = scatteri_gl_is_reduced(v)
