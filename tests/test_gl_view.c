@@ -319,6 +319,34 @@ static void every_camera(gl_rig *rig) {
     close_stage(&s);
 }
 
+/* A host whose clip y points down in the window sees the same picture from below. */
+static void origin_at_the_top(gl_rig *rig) {
+    const gl_functions *gl = &rig->host.gl;
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 16);
+    const camera c = make_camera(OFF_AXIS);
+    static picture plain, turned;
+    scatter_gl_view v;
+    check_world w;
+    stage s;
+    int i, y;
+    if (rig->context.es || 10 * rig->context.major + rig->context.minor < 45)
+        return; /* there is no glClipControl */
+    open_puffs(&w);
+    open_stage(&s, rig);
+    put_world(&s, &w, NULL, &q, NULL);
+    v = view_of(&s, &c);
+    draw(&s, &v, &plain);
+    gl->ClipControl(GL_UPPER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
+    draw(&s, &v, &turned);
+    for (y = 0; y < HEIGHT; y++)
+        for (i = 0; i < 4 * WIDTH; i++)
+            assert_at_most(fabs((double)plain.rgba[4 * WIDTH * y + i] -
+                                (double)turned.rgba[4 * WIDTH * (HEIGHT - 1 - y) + i]),
+                           1e-5);
+    gl->ClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
+    close_stage(&s);
+}
+
 /* Far from the origin: the same picture, moved by 2^14 m, which costs floats 11 of 24 bits. */
 static void far_away(gl_rig *rig) {
     const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 32);
@@ -906,6 +934,7 @@ static void what_is_shown(gl_rig *rig) {
 int main(void) {
     static const gl_case cases[] = {
         {"every camera", every_camera},
+        {"origin at the top", origin_at_the_top},
         {"far away", far_away},
         {"NaN in the depth buffer", nan_in_depth},
         {"many lights", many_lights},
