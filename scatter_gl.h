@@ -586,6 +586,7 @@ typedef struct scatteri_gl_key {
     int pass;          /* index into scatteri_gl_passes */
     unsigned features; /* SCATTERI_GL_HAS_... */
     int slices;        /* layers that it fills at once */
+    int count;         /* of Gaussians, where loops over them have that many turns; 0: any number */
 } scatteri_gl_key;
 
 typedef struct scatteri_gl_program {
@@ -1092,7 +1093,7 @@ static const char scatteri_gl_gaussians[] =
     "}\n"
     "float scatteri_closed_depth(vec3 x, vec3 to, float segment) {\n"
     "    float depth = 0.0;\n"
-    "    for (int i = 0; i < int(scatteri_counts.x); i++)\n"
+    "    for (int i = 0; i < SCATTERI_COUNT; i++)\n"
     "        depth += scatteri_gauss_depth_to(scatteri_gauss_place(i), scatteri_gauss_weight(i), x, to,\n"
     "                                         segment);\n"
     "    return max(depth, 0.0);\n"
@@ -1310,7 +1311,7 @@ static const char scatteri_gl_inject_cells[] =
     "void scatteri_gather(inout vec4 values[SCATTERI_SLICES]) {\n"
     "    ivec3 cell = ivec3(gl_FragCoord.xy, scatteri_at.x);\n"
     "    float step_z = scatteri_cell_size().z;\n"
-    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
+    "    for (int i = 0; i < SCATTERI_COUNT; i++) {\n"
     "        vec4 g = scatteri_gauss_place(i);\n"
     "        vec4 c = scatteri_gauss_weight(i);\n"
     "        vec3 d = scatteri_cell_centre(cell, g.xyz);\n"
@@ -1400,7 +1401,7 @@ static const char scatteri_gl_closed[] =
     "        to[l] = scatteri_face(l, x);\n"
     "        segment[l] = scatteri_segment_to(x, to[l].xyz, to[l].w);\n"
     "    }\n"
-    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
+    "    for (int i = 0; i < SCATTERI_COUNT; i++) {\n"
     "        vec4 g = scatteri_gauss_place(i);\n"
     "        vec4 c = scatteri_gauss_weight(i);\n"
     "        for (int l = 0; l < 4; l++)\n"
@@ -1476,7 +1477,7 @@ static const char scatteri_gl_sums[] =
     "}\n"
     "void scatteri_sum_gaussians(scatteri_column c, float t[SCATTERI_SLICES],\n"
     "                            inout float depth[SCATTERI_SLICES]) {\n"
-    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
+    "    for (int i = 0; i < SCATTERI_COUNT; i++) {\n"
     "        vec4 g = scatteri_gauss_place(i);\n"
     "        vec4 k = scatteri_gauss_weight(i);\n"
     "        vec3 off = g.xyz - c.o;\n"
@@ -1732,7 +1733,7 @@ static const char scatteri_gl_eye[] =
     "}\n"
     "#else\n"
     "int scatteri_on_ray() {\n"
-    "    return int(scatteri_counts.x);\n"
+    "    return SCATTERI_COUNT;\n"
     "}\n"
     "int scatteri_which(int i) {\n"
     "    return i;\n"
@@ -1748,7 +1749,7 @@ static const char scatteri_gl_eye[] =
     "#ifndef SCATTERI_FEW_THIN\n"
     "    scatteri_listed = 0;\n"
     "#endif\n"
-    "    for (int i = 0; i < int(scatteri_counts.x); i++) {\n"
+    "    for (int i = 0; i < SCATTERI_COUNT; i++) {\n"
     "        vec4 g = scatteri_gauss_place(i), h = scatteri_gauss_weight(i);\n"
     "        vec3 p = g.xyz - scatteri_o;\n"
     "        float m = dot(p, scatteri_d), past = max(max(scatteri_t0 - m, m - scatteri_t1), 0.0);\n"
@@ -2885,6 +2886,8 @@ static void scatteri_gl_assemble(const char *version, scatteri_gl_key key, const
     if (version != NULL)
         scatteri_gl_say(source->head, sizeof source->head, "#version %s\n#define SCATTERI_SLICES %d\n",
                         version, key.slices);
+    scatteri_gl_say(source->head, sizeof source->head, "#define SCATTERI_COUNT %s%.0d\n",
+                    key.count > 0 ? "" : "int(scatteri_counts.x)", key.count);
     for (i = 0; i < (int)SCATTERI_GL_FEATURE_COUNT; i++)
         if (key.features >> i & 1u)
             scatteri_gl_say(source->head, sizeof source->head, "#define SCATTERI_%s\n",
@@ -3051,7 +3054,7 @@ static scatter_result scatteri_gl_find_program(scatter_gl *f, scatteri_gl_key ke
     for (i = 0; i < f->program_count; i++) {
         *out = &f->programs[i];
         if ((*out)->key.pass == key.pass && (*out)->key.features == key.features &&
-            (*out)->key.slices == key.slices)
+            (*out)->key.slices == key.slices && (*out)->key.count == key.count)
             return SCATTER_OK;
     }
     result = scatteri_gl_room_for_program(f);
@@ -3545,6 +3548,14 @@ static scatter_result scatteri_gl_target_slices(scatter_gl *f, const scatteri_gl
     return scatteri_gl_target(f, layers, count);
 }
 
+/* Few Gaussians are filled up to a multiple of four by such that hold nothing, so that few numbers of them need programs
+   of their own; more than 16 are looped over. */
+static int scatteri_gl_few_rows(const scatter_gl *f)
+{
+    const int count = (f->medium.gaussians.count + 3) / 4 * 4;
+    return count <= 16 ? count : 0;
+}
+
 /* The program of a pass becomes current. */
 static scatter_result scatteri_gl_use(scatter_gl *f, int pass, unsigned features, int slices,
                                       const scatteri_gl_program **out)
@@ -3554,6 +3565,7 @@ static scatter_result scatteri_gl_use(scatter_gl *f, int pass, unsigned features
     key.pass = pass;
     key.features = features & scatteri_gl_passes[pass].knows;
     key.slices = slices;
+    key.count = (key.features & SCATTERI_GL_HAS_FEW_THIN) != 0 ? scatteri_gl_few_rows(f) : 0;
     result = scatteri_gl_find_program(f, key, out);
     if (result == SCATTER_OK)
         f->gl.UseProgram((*out)->name);
@@ -4977,6 +4989,7 @@ SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
         return NULL;
     key.pass = 0;
     key.slices = 0;
+    key.count = 0;
     key.features = scatteri_gl_medium_features(f) &
                    (unsigned)(SCATTERI_GL_HAS_CLOSED | SCATTERI_GL_HAS_FOG | SCATTERI_GL_HAS_BOUNDED |
                               SCATTERI_GL_HAS_CELLS | SCATTERI_GL_HAS_POLAR);
@@ -5619,6 +5632,7 @@ SCATTER_API size_t scatter_gl_shader(const char *version, const char *pass, cons
     key.pass = scatteri_gl_find_pass(pass, length);
     key.features = 0;
     key.slices = 1;
+    key.count = 0;
     if (key.pass < 0 || (pass[length] != 0 && !vertex))
         return 0;
     while ((features = scatteri_gl_next_word(features, word, sizeof word)) != NULL)
