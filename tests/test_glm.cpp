@@ -313,7 +313,7 @@ void close_stage(stage *s)
 
 unsigned features_of(const char *list)
 {
-    scatteri_gl_key key = {0, 0u, 1};
+    scatteri_gl_key key = {0, 0u, 1, 0};
     char word[32];
     while ((list = scatteri_gl_next_word(list, word, sizeof word)) != NULL)
         assert_true(scatteri_gl_add_word(&key, word));
