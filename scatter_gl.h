@@ -40,7 +40,7 @@
    Timer queries: OpenGL only.
 
    GL state that is touched, saved before each call and restored behind it (unless desc.keep_state):
-     program, vertex array, draw framebuffer; viewport 0, scissor test 0; clip control; blending, its functions and equations, colour
+     program, vertex array, draw framebuffer; viewport 0, scissor test 0; blending, its functions and equations, colour
      masks of all draw buffers; depth, stencil, culling, rasterizer discard, alpha to coverage and to one, sample
      coverage and mask, logic operation, polygon smoothing and mode, clip control, point size by program, clip distances (all off in
      between); texture units 0..10: 2D, 3D, 2D array and cube bindings and samplers; active unit; uniform buffer
@@ -76,6 +76,9 @@
    Memory: host.allocate only in create, warm_up, surface_glsl, and where programs or grids become more; textures are
    made when limits, quality or sizes grow. A frame after the first like it allocates, compiles and creates nothing.
    Threads: as OpenGL: the thread whose context is current.
+   Configuration, before including: that of scatter.h, and
+     SCATTER_GL_NO_LOADER    take the gl functions that you have declared; get_proc_address may then be NULL, and what is
+                             not in every version (blending per draw buffer, timers...) is found through it only
    Limits: 8 terms of height fog; 16 lights for surfaces, any number in the fog; voxels on every axis as the context
    allows. Mesa's llvmpipe ends the loops of a pixel after 65535 turns without a word: exact density with hundreds of
    Gaussians on one ray, or hundreds of nodes, come out too dark there; a density volume does not.
@@ -136,7 +139,7 @@ typedef struct scatter_gl_light {
 typedef enum scatter_gl_show {
     SCATTER_GL_SHOW_FOG = 0,       /* L + T scene */
     SCATTER_GL_SHOW_DENSITY,       /* integral of D along the ray, m, as grey */
-    SCATTER_GL_SHOW_LIGHT_DEPTH,   /* mean optical depth to the light `show_light`, over the ray's density, as grey */
+    SCATTER_GL_SHOW_LIGHT_DEPTH,   /* mean optical depth to the light `show_light`, over the density of its lit parts, as grey */
     SCATTER_GL_SHOW_TRANSMITTANCE, /* T */
     SCATTER_GL_SHOW_RADIANCE,      /* L */
     SCATTER_GL_SHOW_NODES,         /* nodes evaluated on the ray, over 256 */
@@ -165,7 +168,8 @@ typedef struct scatter_gl_froxels {
     float z_near, z_far; /* m, 0 < z_near < z_far; behind z_far the last slice goes on */
 } scatter_gl_froxels;
 
-/* GPU milliseconds of the last measured passes; -1: not measured, or not finished yet. */
+/* GPU milliseconds of the last measured passes; -1: not measured, or not finished yet. Ask each frame: a pass is not
+   measured again before its time was fetched. */
 typedef struct scatter_gl_times {
     float inject, depth, view, upsample, froxels;
 } scatter_gl_times;
@@ -182,7 +186,7 @@ typedef struct scatter_gl_stats {
 typedef struct scatter_gl scatter_gl;
 
 /* -------------------------------------------------------------------------------------- >>functions
-   Each needs the context current for which the fog was made, or one that shares its objects. */
+   Each needs the context current in which the fog was made. */
 
 SCATTER_API scatter_result scatter_gl_create(const scatter_gl_desc *desc, scatter_gl **fog);
 /* Deletes what the fog holds in the current context. */
@@ -206,7 +210,7 @@ SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *fog, const scatte
                                                    const scatter_gl_froxels *froxels);
 /* Makes room for pictures of that size at reduced resolution, so that draw creates nothing. */
 SCATTER_API scatter_result scatter_gl_resize(scatter_gl *fog, int width, int height);
-/* Compiles what update, draw and fill_froxels will need for the present medium, lights and quality. */
+/* Updates, and compiles what draw will need for the present medium, lights and quality. */
 SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *fog, const scatter_quality *quality,
                                               const scatter_gl_view *view);
 

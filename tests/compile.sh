@@ -91,6 +91,29 @@ step_compile() {
     refuse "static units: without SCATTER_STATIC" 'multiple definition' \
         build_units "$PLANTED/units" . gcc:c99 alone twin
     mixed_languages
+    own_functions
+}
+
+# The gl functions that the host has declared, as OpenGL's headers and those of OpenGL ES declare them.
+own_functions() {
+    local dir=$OUT/own how
+    mkdir -p "$dir"
+    printf '#define GL_GLEXT_PROTOTYPES\n#include <GL/glcorearb.h>\n' >"$dir/gl.c"
+    printf '#include <GLES3/gl3.h>\n' >"$dir/es.c"
+    printf '#include <GL/gl.h>\n' >"$dir/old.c"
+    for how in gl es old; do
+        cat >>"$dir/$how.c" <<'END'
+#define SCATTER_IMPLEMENTATION
+#define SCATTER_GL_NO_LOADER
+#include "scatter_gl.h"
+END
+    done
+    for how in gcc:c99 g++:c++11; do
+        check "own gl functions, $how" strict $how -O1 -I. -c "$dir/gl.c" -o "$dir/gl.o"
+        check "own gl functions of ES, $how" strict $how -O1 -I. -c "$dir/es.c" -o "$dir/es.o"
+    done
+    refuse "own functions that are too old" 'gl(GenSamplers|CreateShader|ActiveTexture|UseProgram)' \
+        strict gcc:c99 -O1 -I. -c "$dir/old.c" -o "$dir/old.o"
 }
 
 # One implementation in C serves a C++ unit.
