@@ -635,6 +635,7 @@ struct scatter_gl {
 
     scatteri_medium medium;
     scatter_vec3 ref; /* of all positions on the GPU */
+    int taken;          /* the last medium was taken over whole */
     int medium_version; /* grows with each change of the local terms */
     scatteri_gl_lamp *lamps; /* max_lights + 1: the last is the eye */
     int lamp_count, batch_count;
@@ -4367,6 +4368,9 @@ SCATTER_API scatter_result scatter_gl_update(scatter_gl *f, const scatter_qualit
         return SCATTER_BAD_ARGUMENT;
     at.host = &f->host;
     f->ready = 0;
+    if (!f->taken)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "a successful scatter_gl_set_medium is needed first");
     if ((quality != NULL && !scatteri_check_quality(&f->host, quality)) ||
         (eye != NULL && !scatteri_check_point(&at, "", *eye)))
         return SCATTER_BAD_ARGUMENT;
@@ -5404,6 +5408,23 @@ static scatter_result scatteri_gl_room_for_grids(scatter_gl *f, int count)
     return SCATTER_OK;
 }
 
+/* 16 bits hold values up to 65504. */
+static scatter_result scatteri_gl_check_range(scatter_gl *f, int grid)
+{
+    const scatter_grid *g = &f->medium.desc.grids[grid];
+    const size_t count = (size_t)g->nx * (size_t)g->ny * (size_t)g->nz;
+    size_t i;
+    if (scatteri_gl_field_format(f) != SCATTERI_GL_R16F)
+        return SCATTER_OK;
+    for (i = 0; i < count; i++)
+        if (g->density[i] > 65504.0f)
+            return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                                 "medium.grids[%d].density is %g, textures of 16 bits hold at most "
+                                 "65504: use .scale",
+                                 grid, (double)g->density[i]);
+    return SCATTER_OK;
+}
+
 static scatter_result scatteri_gl_send_grids(scatter_gl *f)
 {
     const scatter_medium *m = &f->medium.desc;
@@ -5411,6 +5432,9 @@ static scatter_result scatteri_gl_send_grids(scatter_gl *f)
     size_t i;
     for (i = 0; i < m->grid_count && result == SCATTER_OK; i++) {
         const scatter_grid *g = &m->grids[i];
+        result = scatteri_gl_check_range(f, (int)i);
+        if (result != SCATTER_OK)
+            break;
         result = scatteri_gl_size_texture(f, &f->grids[i], scatteri_gl_field_format(f), g->nx,
                                           g->ny, g->nz);
         if (result == SCATTER_OK)
@@ -5423,7 +5447,9 @@ static scatter_result scatteri_gl_send_grids(scatter_gl *f)
 static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medium *medium)
 {
     scatteri_gl_state state;
-    scatter_result result = scatteri_prepare(&f->host, &f->medium, medium);
+    scatter_result result;
+    f->taken = 0;
+    result = scatteri_prepare(&f->host, &f->medium, medium);
     if (result != SCATTER_OK)
         return result;
     f->ref = f->medium.has_local
@@ -5437,6 +5463,7 @@ static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medi
     scatteri_gl_send_gaussians(f);
     result = scatteri_gl_send_grids(f);
     scatteri_gl_restore(f, &state);
+    f->taken = result == SCATTER_OK;
     return result;
 }
 
@@ -5457,7 +5484,7 @@ SCATTER_API scatter_result scatter_gl_set_medium(scatter_gl *f, const scatter_me
                              "medium.height_count is %.0f, on the GPU it must be at most %d",
                              (double)medium->height_count, (int)SCATTERI_GL_HEIGHTS);
     f->ready = 0;
-    if (f->medium_version > 0 && scatteri_same_density(&f->medium.desc, medium)) {
+    if (f->taken && scatteri_same_density(&f->medium.desc, medium)) {
         scatteri_take_optics(&f->medium, medium);
         return SCATTER_OK;
     }
