@@ -635,8 +635,8 @@ struct scatter_gl {
 
     scatteri_medium medium;
     scatter_vec3 ref; /* of all positions on the GPU */
-    int taken;          /* the last medium was taken over whole */
     int medium_version; /* grows with each change of the local terms */
+    int has_medium;     /* 0 where the last one could not be taken over */
     scatteri_gl_lamp *lamps; /* max_lights + 1: the last is the eye */
     int lamp_count, batch_count;
     int has_eye;
@@ -4368,12 +4368,12 @@ SCATTER_API scatter_result scatter_gl_update(scatter_gl *f, const scatter_qualit
         return SCATTER_BAD_ARGUMENT;
     at.host = &f->host;
     f->ready = 0;
-    if (!f->taken)
-        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
-                             "a successful scatter_gl_set_medium is needed first");
     if ((quality != NULL && !scatteri_check_quality(&f->host, quality)) ||
         (eye != NULL && !scatteri_check_point(&at, "", *eye)))
         return SCATTER_BAD_ARGUMENT;
+    if (!f->has_medium)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "the last scatter_gl_set_medium failed, a successful one is needed");
     q = scatteri_gl_resolve(f, quality);
     result = scatteri_gl_check_quality(f, &q);
     if (result != SCATTER_OK)
@@ -5447,9 +5447,8 @@ static scatter_result scatteri_gl_send_grids(scatter_gl *f)
 static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medium *medium)
 {
     scatteri_gl_state state;
-    scatter_result result;
-    f->taken = 0;
-    result = scatteri_prepare(&f->host, &f->medium, medium);
+    scatter_result result = scatteri_prepare(&f->host, &f->medium, medium);
+    f->has_medium = 0;
     if (result != SCATTER_OK)
         return result;
     f->ref = f->medium.has_local
@@ -5463,7 +5462,7 @@ static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medi
     scatteri_gl_send_gaussians(f);
     result = scatteri_gl_send_grids(f);
     scatteri_gl_restore(f, &state);
-    f->taken = result == SCATTER_OK;
+    f->has_medium = result == SCATTER_OK;
     return result;
 }
 
@@ -5484,7 +5483,7 @@ SCATTER_API scatter_result scatter_gl_set_medium(scatter_gl *f, const scatter_me
                              "medium.height_count is %.0f, on the GPU it must be at most %d",
                              (double)medium->height_count, (int)SCATTERI_GL_HEIGHTS);
     f->ready = 0;
-    if (f->taken && scatteri_same_density(&f->medium.desc, medium)) {
+    if (f->has_medium && scatteri_same_density(&f->medium.desc, medium)) {
         scatteri_take_optics(&f->medium, medium);
         return SCATTER_OK;
     }
