@@ -5114,6 +5114,12 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quali
 #define SCATTERI_GL_TRY(result, name, arguments) \
     gl->name = (result(SCATTERI_GL_CALL *) arguments)f->desc.get_proc_address("gl" #name);
 
+static scatter_result scatteri_gl_refuse_loader(const scatter_gl *f, const char *missing)
+{
+    return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                         "desc.get_proc_address gives no %s: is a context current?", missing);
+}
+
 static scatter_result scatteri_gl_load(scatter_gl *f)
 {
     scatteri_gl_functions *gl = &f->gl;
@@ -5122,10 +5128,7 @@ static scatter_result scatteri_gl_load(scatter_gl *f)
     if (f->desc.get_proc_address != NULL) {
         SCATTERI_GL_OPTIONAL(SCATTERI_GL_TRY)
     }
-    if (missing != NULL)
-        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
-                             "desc.get_proc_address gives no %s: is a context current?", missing);
-    return SCATTER_OK;
+    return missing != NULL ? scatteri_gl_refuse_loader(f, missing) : SCATTER_OK;
 }
 
 static int scatteri_gl_has_extension(const scatter_gl *f, const char *name)
@@ -5162,6 +5165,36 @@ static void scatteri_gl_drop_newer(scatter_gl *f)
     }
 }
 
+/* A function that this version has and the loader does not give, or NULL. */
+static const char *scatteri_gl_missing(const scatter_gl *f)
+{
+    const scatteri_gl_functions *gl = &f->gl;
+    const int buffers = !f->es || f->version >= 320, blending = buffers && (f->es || f->version >= 400);
+    const int viewports = !f->es && f->version >= 410;
+#define SCATTERI_GL_NEED(condition, name) \
+    if ((condition) && gl->name == NULL) \
+        return "gl" #name
+    SCATTERI_GL_NEED(buffers, ColorMaski);
+    SCATTERI_GL_NEED(buffers, Disablei);
+    SCATTERI_GL_NEED(buffers, Enablei);
+    SCATTERI_GL_NEED(buffers, GetBooleani_v);
+    SCATTERI_GL_NEED(buffers, IsEnabledi);
+    SCATTERI_GL_NEED(blending, BlendEquationSeparatei);
+    SCATTERI_GL_NEED(blending, BlendFuncSeparatei);
+    SCATTERI_GL_NEED(viewports, GetFloati_v);
+    SCATTERI_GL_NEED(viewports, ScissorIndexed);
+    SCATTERI_GL_NEED(viewports, ViewportIndexedf);
+    SCATTERI_GL_NEED(!f->es && f->version >= 450, ClipControl);
+    SCATTERI_GL_NEED(!f->es, PolygonMode);
+    SCATTERI_GL_NEED(!f->es, GenQueries);
+    SCATTERI_GL_NEED(!f->es, DeleteQueries);
+    SCATTERI_GL_NEED(!f->es, QueryCounter);
+    SCATTERI_GL_NEED(!f->es, GetQueryObjectiv);
+    SCATTERI_GL_NEED(!f->es, GetQueryObjectui64v);
+#undef SCATTERI_GL_NEED
+    return NULL;
+}
+
 static scatter_result scatteri_gl_look(scatter_gl *f)
 {
     const char *text = (const char *)f->gl.GetString(SCATTERI_GL_VERSION);
@@ -5178,6 +5211,8 @@ static scatter_result scatteri_gl_look(scatter_gl *f)
         return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
                              "this is '%s', needed is OpenGL 3.3 or OpenGL ES 3.0", text);
     scatteri_gl_drop_newer(f);
+    if (f->desc.get_proc_address != NULL && scatteri_gl_missing(f) != NULL)
+        return scatteri_gl_refuse_loader(f, scatteri_gl_missing(f));
     f->max_3d = scatteri_gl_get(f, SCATTERI_GL_MAX_3D);
     f->max_2d = scatteri_gl_get(f, SCATTERI_GL_MAX_SIZE);
     f->draw_buffers = scatteri_clamp_int(scatteri_gl_get(f, SCATTERI_GL_MAX_DRAW_BUFFERS), 1,
