@@ -4663,7 +4663,7 @@ static scatter_result scatteri_gl_draw_whole(scatter_gl *f, const scatter_gl_vie
 
 static int scatteri_gl_reduced_size(int size, int divide)
 {
-    return (size + divide - 1) / divide;
+    return size / divide + (size % divide != 0);
 }
 
 /* Room for L and, where it has color, T. It only grows, so that several views can share it. */
@@ -5007,8 +5007,11 @@ SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
     for (i = 0; i < source.count; i++)
         bytes += strlen(source.parts[i]);
     text = (char *)scatteri_allocate(&f->host, bytes);
-    if (text == NULL)
+    if (text == NULL) {
+        scatteri_fail(&f->host, SCATTER_OUT_OF_MEMORY,
+                      "host.allocate gave no %lu bytes for the text of surfaces", (unsigned long)bytes);
         return NULL;
+    }
     text[0] = 0;
     for (i = 0; i < source.count; i++)
         strcat(text, source.parts[i]);
@@ -5053,10 +5056,10 @@ SCATTER_API scatter_result scatter_gl_bind_surface(scatter_gl *f, unsigned progr
     int i;
     if (f == NULL || f->lost)
         return SCATTER_BAD_ARGUMENT;
-    if (!f->ready || first_unit < 0 || first_block < 0)
+    if (!f->ready || program == 0 || first_unit < 0 || first_block < 0)
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
-                             "scatter_gl_bind_surface needs a successful scatter_gl_update, and "
-                             "first_unit and first_block of at least 0");
+                             "scatter_gl_bind_surface needs a successful scatter_gl_update, a "
+                             "program, and first_unit and first_block of at least 0");
     scatteri_gl_send_surface(f);
     scatteri_gl_set_units(f, program, units, 6, first_unit);
     scatteri_gl_set_blocks(f, program, blocks, 2, first_block);
@@ -5531,12 +5534,14 @@ static int scatteri_gl_check_shadow(const scatteri_where *at, const scatter_gl_s
         return scatteri_refuse(at, ".shadow.kind", (float)s->kind, "one of scatter_gl_shadow_kind");
     if (s->kind == SCATTER_GL_SHADOW_NONE)
         return 1;
+    if (!scatteri_check(at, ".shadow.bias", s->bias, 0.0f, 1.0f, "0..1"))
+        return 0;
     if (s->kind == SCATTER_GL_SHADOW_CUBE)
         return scatteri_check(at, ".shadow.z_near", s->z_near, 0.0f, 1e18f, "0..1e18") &&
-               scatteri_check(at, ".shadow.z_far", s->z_far, s->z_near + 1e-18f, 1e18f, "above z_near");
+               ((s->z_far > s->z_near && s->z_far <= 1e18f) ||
+                scatteri_refuse(at, ".shadow.z_far", s->z_far, "above z_near, at most 1e18"));
     return scatteri_check(at, ".shadow.cascades", (float)s->cascades, 0.0f, 4.0f, "0..4") &&
-           scatteri_check(at, ".shadow.layer", (float)s->layer, 0.0f, 65535.0f, "0..65535") &&
-           scatteri_check(at, ".shadow.bias", s->bias, 0.0f, 1.0f, "0..1");
+           scatteri_check(at, ".shadow.layer", (float)s->layer, 0.0f, 65535.0f, "0..65535");
 }
 
 /* A light as it is kept; its depth stays if its source did. */
@@ -5604,9 +5609,12 @@ static float scatteri_gl_time(scatter_gl *f, int which)
 
 SCATTER_API scatter_gl_times scatter_gl_get_times(scatter_gl *f)
 {
-    const int query_buffer = !f->es && f->version >= 440 && !f->lost;
-    const int bound = query_buffer ? scatteri_gl_get(f, SCATTERI_GL_QUERY_BUFFER_BINDING) : 0;
-    scatter_gl_times times;
+    scatter_gl_times times = {-1.0f, -1.0f, -1.0f, -1.0f, -1.0f};
+    int bound = 0;
+    if (f == NULL)
+        return times;
+    if (!f->es && f->version >= 440)
+        bound = scatteri_gl_get(f, SCATTERI_GL_QUERY_BUFFER_BINDING);
     if (bound != 0) /* results would go into it */
         f->gl.BindBuffer(SCATTERI_GL_QUERY_BUFFER, 0);
     times.inject = scatteri_gl_time(f, SCATTERI_GL_TIME_INJECT);
@@ -5621,7 +5629,9 @@ SCATTER_API scatter_gl_times scatter_gl_get_times(scatter_gl *f)
 
 SCATTER_API scatter_gl_stats scatter_gl_get_stats(const scatter_gl *f)
 {
-    return f->stats;
+    scatter_gl_stats none;
+    memset(&none, 0, sizeof none);
+    return f != NULL ? f->stats : none;
 }
 
 SCATTER_API const char *scatter_gl_glsl(const char *chapter)
