@@ -42,9 +42,9 @@
    GL state that is touched, saved before each call and restored behind it (unless desc.keep_state):
      program, vertex array, draw framebuffer; viewport 0, scissor test 0; blending, its functions and equations, colour
      masks of all draw buffers; depth, stencil, culling, rasterizer discard, alpha to coverage and to one, sample
-     coverage and mask, logic operation, polygon smoothing and mode, clip control, point size by program, clip distances (all off in
-     between); texture units 0..10: 2D, 3D, 2D array and cube bindings and samplers; active unit; uniform buffer
-     bindings 0..2 and the general one; pixel unpack buffer and storage.
+     coverage and mask, logic operation, polygon smoothing and mode, clip control, clip distances (all off in between);
+     texture units 0..10: 2D, 3D, 2D array and cube bindings and samplers; active unit; uniform buffer bindings 0..2 and
+     the general one; pixel unpack buffer and storage.
      Nothing is cached from call to call, and glGetError is never called. Not touched: read framebuffer, array and
      element buffers, renderbuffers, pack state, queries (yours count the passes), transform feedback (it must be
      paused). Your depth texture and shadow maps are read plainly, but for swizzle and GL_DEPTH_STENCIL_TEXTURE_MODE,
@@ -2889,8 +2889,8 @@ static void scatteri_gl_assemble(const char *version, scatteri_gl_key key, const
     int i;
     source->head[0] = 0;
     if (version != NULL)
-        scatteri_gl_say(source->head, sizeof source->head, "#version %s\n#define SCATTERI_SLICES %d\n",
-                        version, key.slices);
+        scatteri_gl_say(source->head, sizeof source->head,
+                        "#version %s\n#define SCATTERI_SLICES %d\n", version, key.slices);
     scatteri_gl_say(source->head, sizeof source->head, "#define SCATTERI_COUNT %s%.0d\n",
                     key.count > 0 ? "" : "int(scatteri_counts.x)", key.count);
     for (i = 0; i < (int)SCATTERI_GL_FEATURE_COUNT; i++)
@@ -2920,8 +2920,8 @@ static void scatteri_gl_log_source(scatter_gl *f, const char *pass, const char *
     text = f->host.log != NULL ? (char *)scatteri_allocate(&f->host, room) : NULL;
     if (text == NULL)
         return;
-    out = text + sprintf(text, "the shader of pass '%s' does not compile: %s\n%4d  ", pass, said,
-                         line);
+    out = text +
+          sprintf(text, "the shader of pass '%s' does not compile: %s\n%4d  ", pass, said, line);
     for (i = 0; i < source->count; i++) {
         const char *c;
         for (c = source->parts[i]; *c != 0; c++) {
@@ -2961,8 +2961,8 @@ static const char *scatteri_gl_version_text(const scatter_gl *f)
 }
 
 /* Samplers of a linked program get their units; it becomes current. */
-static void scatteri_gl_set_units(scatter_gl *f, unsigned program, const char *const *names, int count,
-                                  int first)
+static void scatteri_gl_set_units(scatter_gl *f, unsigned program, const char *const *names,
+                                  int count, int first)
 {
     int i;
     f->gl.UseProgram(program);
@@ -2988,8 +2988,8 @@ static void scatteri_gl_set_blocks(scatter_gl *f, unsigned program, const char *
 static void scatteri_gl_set_inputs(scatter_gl *f, unsigned program)
 {
     static const char *const units[SCATTERI_GL_UNITS] = {
-        "scatteri_gaussians", "scatteri_rules",   "scatteri_field",   "scatteri_volume",
-        "scatteri_scene",     "scatteri_shadow0", "scatteri_shadow1", "scatteri_shadow2",
+        "scatteri_gaussians", "scatteri_rules",   "scatteri_field",     "scatteri_volume",
+        "scatteri_scene",     "scatteri_shadow0", "scatteri_shadow1",   "scatteri_shadow2",
         "scatteri_shadow3",   "scatteri_before",  "scatteri_before_too"};
     static const char *const blocks[] = {"scatteri_medium_block", "scatteri_lights_block",
                                          "scatteri_view_block"};
@@ -3093,19 +3093,19 @@ static const unsigned scatteri_gl_target_bindings[SCATTERI_GL_TARGETS] = {0x8069
 static const struct {
     unsigned name;
     int es; /* version of OpenGL ES from which on it is there; 0: never */
-} scatteri_gl_switches[] = {
-    {0x0B71, 300}, /* DEPTH_TEST */
-    {0x0B90, 300}, /* STENCIL_TEST */
-    {0x0B44, 300}, /* CULL_FACE */
-    {0x8C89, 300}, /* RASTERIZER_DISCARD */
-    {0x809E, 300}, /* SAMPLE_ALPHA_TO_COVERAGE */
-    {0x80A0, 300}, /* SAMPLE_COVERAGE */
-    {0x809F, 0}, /* SAMPLE_ALPHA_TO_ONE */
-    {0x8E51, 310}, /* SAMPLE_MASK */
-    {0x0BF2, 0}, /* COLOR_LOGIC_OP */
-    {0x0B41, 0}, /* POLYGON_SMOOTH */
-    {0x3000, 0}, /* CLIP_DISTANCE0 and the others */
-    {0x3001, 0}, {0x3002, 0}, {0x3003, 0}, {0x3004, 0}, {0x3005, 0}, {0x3006, 0}, {0x3007, 0}};
+} scatteri_gl_switches[] = {{0x0B71, 300}, /* DEPTH_TEST */
+                            {0x0B90, 300}, /* STENCIL_TEST */
+                            {0x0B44, 300}, /* CULL_FACE */
+                            {0x8C89, 300}, /* RASTERIZER_DISCARD */
+                            {0x809E, 300}, /* SAMPLE_ALPHA_TO_COVERAGE */
+                            {0x80A0, 300}, /* SAMPLE_COVERAGE */
+                            {0x809F, 0},   /* SAMPLE_ALPHA_TO_ONE */
+                            {0x8E51, 310}, /* SAMPLE_MASK */
+                            {0x0BF2, 0},   /* COLOR_LOGIC_OP */
+                            {0x0B41, 0},   /* POLYGON_SMOOTH */
+                            {0x3000, 0},   /* CLIP_DISTANCE0 and the others */
+                            {0x3001, 0},   {0x3002, 0}, {0x3003, 0}, {0x3004, 0},
+                            {0x3005, 0},   {0x3006, 0}, {0x3007, 0}};
 
 enum { SCATTERI_GL_SWITCHES = sizeof scatteri_gl_switches / sizeof *scatteri_gl_switches };
 
@@ -3170,10 +3170,10 @@ static int scatteri_gl_indexed(const scatter_gl *f)
 /* Functions and equations; apart for each draw buffer since OpenGL 4.0. */
 static void scatteri_gl_save_blending(const scatter_gl *f, scatteri_gl_state *s)
 {
-    static const unsigned names[] = {SCATTERI_GL_BLEND_SRC_RGB, SCATTERI_GL_BLEND_DST_RGB,
-                                     SCATTERI_GL_BLEND_SRC_ALPHA, SCATTERI_GL_BLEND_DST_ALPHA,
-                                     SCATTERI_GL_BLEND_EQUATION_RGB,
-                                     SCATTERI_GL_BLEND_EQUATION_ALPHA};
+    static const unsigned names[] = {
+        SCATTERI_GL_BLEND_SRC_RGB,      SCATTERI_GL_BLEND_DST_RGB,
+        SCATTERI_GL_BLEND_SRC_ALPHA,    SCATTERI_GL_BLEND_DST_ALPHA,
+        SCATTERI_GL_BLEND_EQUATION_RGB, SCATTERI_GL_BLEND_EQUATION_ALPHA};
     const int apart = f->gl.BlendFuncSeparatei != NULL;
     int i, k;
     for (i = 0; i < (apart ? f->draw_buffers : 1); i++)
@@ -3191,9 +3191,12 @@ static void scatteri_gl_restore_blending(const scatter_gl *f, const scatteri_gl_
     const int apart = f->gl.BlendFuncSeparatei != NULL;
     int i;
     for (i = 0; i < (apart ? f->draw_buffers : 1); i++) {
-        const unsigned sc = (unsigned)s->blend_functions[i][0], tc = (unsigned)s->blend_functions[i][1];
-        const unsigned sa = (unsigned)s->blend_functions[i][2], ta = (unsigned)s->blend_functions[i][3];
-        const unsigned c = (unsigned)s->blend_equations[i][0], a = (unsigned)s->blend_equations[i][1];
+        const unsigned sc = (unsigned)s->blend_functions[i][0],
+                       tc = (unsigned)s->blend_functions[i][1];
+        const unsigned sa = (unsigned)s->blend_functions[i][2],
+                       ta = (unsigned)s->blend_functions[i][3];
+        const unsigned c = (unsigned)s->blend_equations[i][0],
+                       a = (unsigned)s->blend_equations[i][1];
         if (apart) {
             f->gl.BlendFuncSeparatei((unsigned)i, sc, tc, sa, ta);
             f->gl.BlendEquationSeparatei((unsigned)i, c, a);
@@ -3405,8 +3408,8 @@ static int scatteri_gl_texel(int format)
 static unsigned scatteri_gl_channels(int format)
 {
     return format == SCATTERI_GL_R16F || format == SCATTERI_GL_R32F ? SCATTERI_GL_RED
-           : format == SCATTERI_GL_RG32F                           ? SCATTERI_GL_RG
-                                                                   : SCATTERI_GL_RGBA;
+           : format == SCATTERI_GL_RG32F                            ? SCATTERI_GL_RG
+                                                                    : SCATTERI_GL_RGBA;
 }
 
 static size_t scatteri_gl_texture_bytes(const scatteri_gl_texture *t)
@@ -3706,7 +3709,8 @@ static void scatteri_gl_send_medium(scatter_gl *f)
                     1.0f / (b->field_max[1] - b->field_min[1]),
                     1.0f / (b->field_max[2] - b->field_min[2]), 0.0f);
     scatteri_gl_put(b->trim, f->trim.rays, 0.0f, 0.0f, 0.0f);
-    scatteri_gl_put(b->nodes, (float)f->quality.nodes, SCATTERI_PANEL, (float)f->quality.nodes, 0.0f);
+    scatteri_gl_put(b->nodes, (float)f->quality.nodes, SCATTERI_PANEL, (float)f->quality.nodes,
+                    0.0f);
     for (i = 0; i < d->height_count && i < (size_t)SCATTERI_GL_HEIGHTS; i++)
         scatteri_gl_put(b->heights[i], d->heights[i].density, d->heights[i].y0 - f->ref.y,
                         d->heights[i].scale, 0.0f);
@@ -3739,7 +3743,8 @@ static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *l
     const scatter_gl_shadow *s = &lamp->desc.shadow;
     const scatter_depth *p = &lamp->layout;
     const int directional = d->kind == SCATTER_LIGHT_DIRECTIONAL;
-    scatter_vec3 at = directional ? scatteri_v3(0.0f, 0.0f, 0.0f) : scatteri_sub(d->position, f->ref);
+    scatter_vec3 at =
+        directional ? scatteri_v3(0.0f, 0.0f, 0.0f) : scatteri_sub(d->position, f->ref);
     int c, row;
     scatteri_gl_put3(b->light[l], at, (float)d->kind);
     scatteri_gl_put3(b->direction[l], d->direction, directional ? 0.0f : d->radius);
@@ -3748,9 +3753,12 @@ static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *l
                     p->at_source, 0.0f);
     if (directional) /* columns count from a corner of the local box */
         at = scatteri_sub(p->box.min, f->ref);
-    scatteri_gl_put3(b->axis_u[l], p->axis_u, p->low_u + (directional ? scatteri_dot(at, p->axis_u) : 0.0f));
-    scatteri_gl_put3(b->axis_v[l], p->axis_v, p->low_v + (directional ? scatteri_dot(at, p->axis_v) : 0.0f));
-    scatteri_gl_put3(b->axis_w[l], p->axis_w, p->low_r + (directional ? scatteri_dot(at, p->axis_w) : 0.0f));
+    scatteri_gl_put3(b->axis_u[l], p->axis_u,
+                     p->low_u + (directional ? scatteri_dot(at, p->axis_u) : 0.0f));
+    scatteri_gl_put3(b->axis_v[l], p->axis_v,
+                     p->low_v + (directional ? scatteri_dot(at, p->axis_v) : 0.0f));
+    scatteri_gl_put3(b->axis_w[l], p->axis_w,
+                     p->low_r + (directional ? scatteri_dot(at, p->axis_w) : 0.0f));
     if (p->step_u > 0.0f)
         scatteri_gl_put(b->polar[l], 1.0f / p->step_u, 1.0f / p->step_v, 1.0f / p->step_r,
                         b->axis_w[l][3] + (float)(p->nz - 1) * p->step_r);
@@ -4001,11 +4009,12 @@ static unsigned scatteri_gl_column_features(const scatter_gl *f)
     return features | (f->medium.desc.grid_count > 0 ? (unsigned)SCATTERI_GL_HAS_FIELD : 0u);
 }
 
-static scatter_result scatteri_gl_propagate_columns(scatter_gl *f, const scatteri_gl_texture *volume)
+static scatter_result scatteri_gl_propagate_columns(scatter_gl *f,
+                                                    const scatteri_gl_texture *volume)
 {
     const scatteri_gl_texture *density = f->density;
-    const int other = scatteri_gl_columns_exact(f) && f->medium.desc.grid_count > 0 &&
-                      density != &f->grids[0];
+    const int other =
+        scatteri_gl_columns_exact(f) && f->medium.desc.grid_count > 0 && density != &f->grids[0];
     scatter_result result;
     if (other)
         scatteri_gl_read_grid(f, 0);
@@ -4085,8 +4094,7 @@ static scatteri_gl_lamp *scatteri_gl_source_in(scatter_gl *f, int batch, int cha
 
 static unsigned scatteri_gl_lamp_features(const scatteri_gl_lamp *lamp, int channel)
 {
-    static const unsigned kinds[] = {0, SCATTERI_GL_HAS_SPOT,
-                                     SCATTERI_GL_HAS_DIRECTIONAL};
+    static const unsigned kinds[] = {0, SCATTERI_GL_HAS_SPOT, SCATTERI_GL_HAS_DIRECTIONAL};
     unsigned features = kinds[lamp->desc.light.kind];
     if (lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE)
         features |= (unsigned)SCATTERI_GL_HAS_SHADOW_2D_0
@@ -4199,9 +4207,7 @@ static scatter_result scatteri_gl_update_field(scatter_gl *f)
         return SCATTER_OK;
     if (!exact || f->quality.depth == SCATTER_DEPTH_UPWIND)
         result = scatteri_gl_refresh_field(f);
-    f->density = !exact                            ? &f->field
-                 : f->medium.desc.grid_count > 0 ? &f->grids[0]
-                                                   : NULL;
+    f->density = !exact ? &f->field : f->medium.desc.grid_count > 0 ? &f->grids[0] : NULL;
     return result;
 }
 
@@ -4266,9 +4272,10 @@ static scatter_quality scatteri_gl_resolve(const scatter_gl *f, const scatter_qu
     if (quality != NULL)
         q = *quality;
     if (q.depth == SCATTER_DEPTH_AUTO)
-        q.depth = m->grid_count == 0 && (m->gaussian_count <= SCATTERI_GL_CLOSED || !f->can_draw_float)
-                      ? SCATTER_DEPTH_CLOSED
-                      : SCATTER_DEPTH_POLAR;
+        q.depth =
+            m->grid_count == 0 && (m->gaussian_count <= SCATTERI_GL_CLOSED || !f->can_draw_float)
+                ? SCATTER_DEPTH_CLOSED
+                : SCATTER_DEPTH_POLAR;
     if (q.density == SCATTER_DENSITY_AUTO)
         q.density = exact ? SCATTER_DENSITY_EXACT : SCATTER_DENSITY_VOLUME;
     q.nodes = q.nodes != 0 ? q.nodes : 16;
@@ -4290,8 +4297,9 @@ static scatter_result scatteri_gl_check_quality(scatter_gl *f, const scatter_qua
                              "quality.depth is %d, on the GPU grids need polar or upwind",
                              (int)q->depth);
     if (q->density == SCATTER_DENSITY_EXACT && m->grid_count > 1)
-        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
-                             "quality.density is exact, on the GPU more than one grid needs volume");
+        return scatteri_fail(
+            &f->host, SCATTER_BAD_ARGUMENT,
+            "quality.density is exact, on the GPU more than one grid needs volume");
     if (q->depth != SCATTER_DEPTH_CLOSED && f->medium.has_local && !f->can_draw_float)
         return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
                              "this GL context cannot draw into float textures (no "
@@ -4337,8 +4345,8 @@ static void scatteri_gl_update_trim(scatter_gl *f)
     int i;
     f->trim = scatteri_trim_of(&f->medium, &f->quality);
     for (i = 0; i < f->lamp_count; i++)
-        f->lamps[i].in_rim = scatteri_in_rim(&f->medium.gaussians, f->trim.rays,
-                                             f->lamps[i].desc.light.position);
+        f->lamps[i].in_rim =
+            scatteri_in_rim(&f->medium.gaussians, f->trim.rays, f->lamps[i].desc.light.position);
 }
 
 static scatter_result scatteri_gl_update_all(scatter_gl *f)
@@ -4624,9 +4632,9 @@ static scatter_result scatteri_gl_draw_radiance(scatter_gl *f, unsigned features
         scatteri_gl_bind_batch(f, batch);
         if ((features & SCATTERI_GL_HAS_SHOW) != 0)
             scatteri_gl_show_light_of(f, batch);
-        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
-                                 features | scatteri_gl_batch_features(f, batch) | more, 1,
-                                 &program);
+        result =
+            scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
+                            features | scatteri_gl_batch_features(f, batch) | more, 1, &program);
         if (result == SCATTER_OK)
             scatteri_gl_fill(f, program, 0, 0, 0, 0);
         scatteri_gl_blend(f, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE);
@@ -4694,11 +4702,10 @@ static scatter_result scatteri_gl_target_reduced(scatter_gl *f, int which, int w
 
 /* T or L of the reduced picture over the host's. */
 static scatter_result scatteri_gl_enlarge(scatter_gl *f, int which, int source, int target,
-                                           int alpha_source, int alpha_target)
+                                          int alpha_source, int alpha_target)
 {
     const scatteri_gl_program *program;
-    const scatter_result result =
-        scatteri_gl_use(f, SCATTERI_GL_PASS_UPSAMPLE, 0, 1, &program);
+    const scatter_result result = scatteri_gl_use(f, SCATTERI_GL_PASS_UPSAMPLE, 0, 1, &program);
     if (result != SCATTER_OK)
         return result;
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->reduced[which]);
@@ -4716,7 +4723,7 @@ static scatter_result scatteri_gl_compose_reduced(scatter_gl *f, const scatter_g
     scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_UPSAMPLE);
     if (colored)
         result = scatteri_gl_enlarge(f, 1, SCATTERI_GL_ZERO, SCATTERI_GL_SRC_COLOR,
-                                      SCATTERI_GL_ZERO, SCATTERI_GL_SRC_ALPHA);
+                                     SCATTERI_GL_ZERO, SCATTERI_GL_SRC_ALPHA);
     if (result == SCATTER_OK)
         result = scatteri_gl_enlarge(f, 0, SCATTERI_GL_ONE, over, SCATTERI_GL_ONE, over);
     scatteri_gl_end_timer(f, SCATTERI_GL_TIME_UPSAMPLE);
@@ -4859,7 +4866,8 @@ static scatter_result scatteri_gl_fill_slices(scatter_gl *f, const scatteri_gl_p
 
 static scatter_result scatteri_gl_fill_batch(scatter_gl *f, int batch)
 {
-    const unsigned features = scatteri_gl_medium_features(f) | scatteri_gl_batch_features(f, batch) |
+    const unsigned features = scatteri_gl_medium_features(f) |
+                              scatteri_gl_batch_features(f, batch) |
                               (batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u);
     const int at_once = f->draw_buffers - 1;
     const scatteri_gl_program *program;
@@ -4887,9 +4895,10 @@ static scatter_gl_froxels scatteri_gl_resolve_froxels(const scatter_gl_froxels *
 static scatter_result scatteri_gl_check_froxels(scatter_gl *f, const scatter_gl_froxels *r)
 {
     if (r->nx < 0 || r->ny < 0 || r->nz < 0 || r->nz == 1)
-        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
-                             "froxels.nx, ny, nz are %d, %d, %d, they must be 0 or at least 1, 1, 2",
-                             r->nx, r->ny, r->nz);
+        return scatteri_fail(
+            &f->host, SCATTER_BAD_ARGUMENT,
+            "froxels.nx, ny, nz are %d, %d, %d, they must be 0 or at least 1, 1, 2", r->nx, r->ny,
+            r->nz);
     if (!(r->z_near > 0.0f && r->z_far > r->z_near && r->z_far <= 1e18f))
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
                              "froxels.z_near, z_far are %g, %g, they must be 0 < z_near < z_far",
@@ -4903,8 +4912,8 @@ static scatter_result scatteri_gl_check_froxels(scatter_gl *f, const scatter_gl_
 
 static scatter_result scatteri_gl_size_froxels(scatter_gl *f, const scatter_gl_froxels *r)
 {
-    scatter_result result = scatteri_gl_size_texture(f, &f->froxels, scatteri_gl_volume_format(f),
-                                                     r->nx, r->ny, r->nz);
+    scatter_result result =
+        scatteri_gl_size_texture(f, &f->froxels, scatteri_gl_volume_format(f), r->nx, r->ny, r->nz);
     int i;
     for (i = 0; i < 2 && result == SCATTER_OK; i++)
         result = scatteri_gl_size_texture(f, &f->froxel_running[i], SCATTERI_GL_RGBA32F, r->nx,
@@ -4998,9 +5007,10 @@ SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
     key.pass = 0;
     key.slices = 0;
     key.count = 0;
-    key.features = scatteri_gl_medium_features(f) &
-                   (unsigned)(SCATTERI_GL_HAS_CLOSED | SCATTERI_GL_HAS_FOG | SCATTERI_GL_HAS_BOUNDED |
-                              SCATTERI_GL_HAS_CELLS | SCATTERI_GL_HAS_POLAR);
+    key.features =
+        scatteri_gl_medium_features(f) &
+        (unsigned)(SCATTERI_GL_HAS_CLOSED | SCATTERI_GL_HAS_FOG | SCATTERI_GL_HAS_BOUNDED |
+                   SCATTERI_GL_HAS_CELLS | SCATTERI_GL_HAS_POLAR);
     if (f->surface_text != NULL && f->surface_features == key.features)
         return f->surface_text;
     scatteri_gl_assemble(NULL, key, scatteri_gl_surface_chapters, &source);
@@ -5009,7 +5019,8 @@ SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
     text = (char *)scatteri_allocate(&f->host, bytes);
     if (text == NULL) {
         scatteri_fail(&f->host, SCATTER_OUT_OF_MEMORY,
-                      "host.allocate gave no %lu bytes for the text of surfaces", (unsigned long)bytes);
+                      "host.allocate gave no %lu bytes for the text of surfaces",
+                      (unsigned long)bytes);
         return NULL;
     }
     text[0] = 0;
@@ -5027,8 +5038,8 @@ static void scatteri_gl_send_surface(scatter_gl *f)
     scatteri_gl_surface_block *s = &f->surface_block;
     const scatteri_gl_lights_block *l = &f->lights_block;
     int slot;
-    scatteri_gl_put(s->surface_batch, (float)scatteri_gl_lights_per_batch(f), (float)f->has_eye, 0.0f,
-                    0.0f);
+    scatteri_gl_put(s->surface_batch, (float)scatteri_gl_lights_per_batch(f), (float)f->has_eye,
+                    0.0f, 0.0f);
     scatteri_gl_put3(s->surface_ref, f->ref, 0.0f);
     for (slot = 0; slot < (int)SCATTERI_GL_SLOTS; slot++) {
         const int c = slot % SCATTERI_GL_BATCH;
@@ -5050,8 +5061,9 @@ static void scatteri_gl_send_surface(scatter_gl *f)
 SCATTER_API scatter_result scatter_gl_bind_surface(scatter_gl *f, unsigned program, int first_unit,
                                                    int first_block)
 {
-    static const char *const units[] = {"scatteri_gaussians", "scatteri_volume0", "scatteri_volume1",
-                                        "scatteri_volume2",   "scatteri_volume3", "scatteri_froxel_volume"};
+    static const char *const units[] = {"scatteri_gaussians", "scatteri_volume0",
+                                        "scatteri_volume1",   "scatteri_volume2",
+                                        "scatteri_volume3",   "scatteri_froxel_volume"};
     static const char *const blocks[] = {"scatteri_medium_block", "scatteri_surface_block"};
     int i;
     if (f == NULL || f->lost)
@@ -5088,17 +5100,20 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quali
     if (view->show != SCATTER_GL_SHOW_FOG)
         features |= SCATTERI_GL_HAS_SHOW;
     else if ((features & SCATTERI_GL_HAS_COLORED) != 0)
-        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW, features | SCATTERI_GL_HAS_TRANSMITTANCE, 1, &program);
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW, features | SCATTERI_GL_HAS_TRANSMITTANCE,
+                                 1, &program);
     for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
         more = batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u;
-        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
-                                 features | more | scatteri_gl_batch_features(f, batch), 1, &program);
+        result =
+            scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
+                            features | more | scatteri_gl_batch_features(f, batch), 1, &program);
     }
     if (result == SCATTER_OK && view->divide > 1)
         result = scatteri_gl_use(f, SCATTERI_GL_PASS_UPSAMPLE, 0, 1, &program);
     if (result == SCATTER_OK && view->divide > 1)
-        result = scatteri_gl_reserve_reduced(f, scatteri_gl_reduced_size(view->width, view->divide),
-                                             scatteri_gl_reduced_size(view->height, view->divide), 1);
+        result =
+            scatteri_gl_reserve_reduced(f, scatteri_gl_reduced_size(view->width, view->divide),
+                                        scatteri_gl_reduced_size(view->height, view->divide), 1);
     scatteri_gl_restore(f, &state);
     return result;
 }
@@ -5106,15 +5121,15 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quali
 /* ---------------------------------------------------------------------------------------- >>public */
 
 #ifdef SCATTER_GL_NO_LOADER
-#define SCATTERI_GL_LOAD(result, name, arguments) \
+#define SCATTERI_GL_LOAD(result, name, arguments)                                                  \
     gl->name = (result(SCATTERI_GL_CALL *) arguments)gl##name;
 #else
-#define SCATTERI_GL_LOAD(result, name, arguments) \
-    gl->name = (result(SCATTERI_GL_CALL *) arguments)f->desc.get_proc_address("gl" #name); \
-    if (gl->name == NULL) \
+#define SCATTERI_GL_LOAD(result, name, arguments)                                                  \
+    gl->name = (result(SCATTERI_GL_CALL *) arguments)f->desc.get_proc_address("gl" #name);         \
+    if (gl->name == NULL)                                                                          \
         missing = "gl" #name;
 #endif
-#define SCATTERI_GL_TRY(result, name, arguments) \
+#define SCATTERI_GL_TRY(result, name, arguments)                                                   \
     gl->name = (result(SCATTERI_GL_CALL *) arguments)f->desc.get_proc_address("gl" #name);
 
 static scatter_result scatteri_gl_refuse_loader(const scatter_gl *f, const char *missing)
@@ -5172,11 +5187,12 @@ static void scatteri_gl_drop_newer(scatter_gl *f)
 static const char *scatteri_gl_missing(const scatter_gl *f)
 {
     const scatteri_gl_functions *gl = &f->gl;
-    const int buffers = !f->es || f->version >= 320, blending = buffers && (f->es || f->version >= 400);
+    const int buffers = !f->es || f->version >= 320,
+              blending = buffers && (f->es || f->version >= 400);
     const int viewports = !f->es && f->version >= 410;
-#define SCATTERI_GL_NEED(condition, name) \
-    if ((condition) && gl->name == NULL) \
-        return "gl" #name
+#define SCATTERI_GL_NEED(condition, name)                                                          \
+    if ((condition) && gl->name == NULL)                                                           \
+    return "gl" #name
     SCATTERI_GL_NEED(buffers, ColorMaski);
     SCATTERI_GL_NEED(buffers, Disablei);
     SCATTERI_GL_NEED(buffers, Enablei);
@@ -5269,7 +5285,8 @@ static scatter_result scatteri_gl_make_objects(scatter_gl *f)
     f->surface_buffer = scatteri_gl_make_buffer(f, sizeof f->surface_block);
     for (i = 0; i < scatteri_gl_most_batches(f); i++)
         f->light_buffers[i] = scatteri_gl_make_buffer(f, sizeof f->lights_block);
-    result = scatteri_gl_size_texture(f, &f->gaussians, SCATTERI_GL_RGBA32F, SCATTERI_GL_ROW, rows, 1);
+    result =
+        scatteri_gl_size_texture(f, &f->gaussians, SCATTERI_GL_RGBA32F, SCATTERI_GL_ROW, rows, 1);
     if (result == SCATTER_OK)
         result = scatteri_gl_size_texture(f, &f->rules, SCATTERI_GL_RG32F, SCATTERI_NODES,
                                           SCATTERI_RULES, 1);
