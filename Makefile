@@ -39,7 +39,7 @@ PREFIX = /usr/local
 VERSION = 0.1.0
 
 PROGRAMS = scatter-render scatter-minimal scatter-sheet scatter-generate scatter-dump_shaders
-SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view
+SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
 FUZZERS = fuzz_scene fuzz_descriptors
 HEADERS = scatter.h scatter_gl.h
 
