@@ -4372,7 +4372,7 @@ SCATTER_API scatter_result scatter_gl_update(scatter_gl *f, const scatter_qualit
     scatteri_gl_state state;
     scatter_quality q;
     scatter_result result;
-    if (f == NULL || f->lost)
+    if (f == NULL)
         return SCATTER_BAD_ARGUMENT;
     at.host = &f->host;
     f->ready = 0;
@@ -4767,18 +4767,23 @@ static void scatteri_gl_bind_scene(const scatter_gl *f, const scatter_gl_view *v
 static scatter_result scatteri_gl_begin_view(scatter_gl *f, const scatter_gl_view *v, int *empty)
 {
     scatter_result result;
-    if (f == NULL || f->lost)
+    if (f == NULL)
         return SCATTER_BAD_ARGUMENT;
     if (!f->ready)
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
                              "a successful scatter_gl_update is needed first");
     result = scatteri_gl_check_view(f, v);
     *empty = result == SCATTER_OK && (v->width == 0 || v->height == 0);
-    if (result == SCATTER_OK && v->divide > 1 && !f->can_draw_half)
+    return result;
+}
+
+static scatter_result scatteri_gl_check_divide(scatter_gl *f, const scatter_gl_view *v)
+{
+    if (v->divide > 1 && !f->can_draw_half)
         return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
                              "this GL context cannot draw into float textures (no "
                              "EXT_color_buffer_float): view.divide must be 1");
-    return result;
+    return SCATTER_OK;
 }
 
 SCATTER_API scatter_result scatter_gl_draw(scatter_gl *f, const scatter_gl_view *v)
@@ -4786,6 +4791,8 @@ SCATTER_API scatter_result scatter_gl_draw(scatter_gl *f, const scatter_gl_view 
     scatteri_gl_state state;
     int empty = 0;
     scatter_result result = scatteri_gl_begin_view(f, v, &empty);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_check_divide(f, v);
     if (result != SCATTER_OK || empty)
         return result;
     scatteri_gl_save(f, &state);
@@ -4805,7 +4812,7 @@ SCATTER_API scatter_result scatter_gl_resize(scatter_gl *f, int width, int heigh
 {
     scatteri_gl_state state;
     scatter_result result;
-    if (f == NULL || f->lost)
+    if (f == NULL)
         return SCATTER_BAD_ARGUMENT;
     if (width < 0 || height < 0)
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
@@ -5066,7 +5073,7 @@ SCATTER_API scatter_result scatter_gl_bind_surface(scatter_gl *f, unsigned progr
                                         "scatteri_volume3",   "scatteri_froxel_volume"};
     static const char *const blocks[] = {"scatteri_medium_block", "scatteri_surface_block"};
     int i;
-    if (f == NULL || f->lost)
+    if (f == NULL)
         return SCATTER_BAD_ARGUMENT;
     if (!f->ready || program == 0 || first_unit < 0 || first_block < 0)
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
@@ -5093,6 +5100,10 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quali
     unsigned features, more;
     const scatteri_gl_program *program;
     int batch;
+    if (result == SCATTER_OK && view != NULL)
+        result = scatteri_gl_check_view(f, view);
+    if (result == SCATTER_OK && view != NULL)
+        result = scatteri_gl_check_divide(f, view);
     if (result != SCATTER_OK || view == NULL)
         return result;
     features = scatteri_gl_medium_features(f);
@@ -5524,7 +5535,7 @@ static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medi
 SCATTER_API scatter_result scatter_gl_set_medium(scatter_gl *f, const scatter_medium *medium)
 {
     scatter_result result;
-    if (f == NULL || f->lost)
+    if (f == NULL)
         return SCATTER_BAD_ARGUMENT;
     result = scatteri_check_medium(&f->host, medium);
     if (result != SCATTER_OK)
@@ -5580,7 +5591,7 @@ SCATTER_API scatter_result scatter_gl_set_lights(scatter_gl *f, const scatter_gl
 {
     scatteri_where at = {NULL, "lights", 0};
     size_t i;
-    if (f == NULL || f->lost)
+    if (f == NULL)
         return SCATTER_BAD_ARGUMENT;
     at.host = &f->host;
     if (count > (size_t)f->desc.max_lights)
