@@ -265,6 +265,16 @@ static double compare(const picture *p, const float *rgb) {
     return sqrt(square / (3.0 * PIXELS)) / (sum / (3.0 * PIXELS));
 }
 
+static double difference(const float *rgb, const float *reference) {
+    double square = 0, sum = 0;
+    int i;
+    for (i = 0; i < 3 * PIXELS; i++) {
+        square += ((double)rgb[i] - (double)reference[i]) * ((double)rgb[i] - (double)reference[i]);
+        sum += (double)reference[i];
+    }
+    return sqrt(square / (3.0 * PIXELS)) / (sum / (3.0 * PIXELS));
+}
+
 static scatter_quality quality_of(scatter_depth_method depth, int nodes) {
     scatter_quality q;
     memset(&q, 0, sizeof q);
@@ -831,6 +841,15 @@ static void light_on_surfaces(gl_rig *rig) {
     close_stage(&s);
 }
 
+/* A transparent thing at given[0].w metres in front of the whole picture. */
+static const char through_froxels[] =
+    "void main() { vec2 at = gl_FragCoord.xy / vec2(40.0, 28.0); at.y = 1.0 - at.y;\n"
+    "vec3 move = at.x * given[2].xyz + at.y * given[3].xyz;\n"
+    "vec3 o = given[0].xyz, d = given[1].xyz;\n"
+    "if (given[1].w > 0.5) d += move; else o += move;\n"
+    "vec3 x = o + given[0].w * normalize(d);\n"
+    "color = scatter_fog(vec4(0.2, 0.3, 0.4, 1.0), x); }";
+
 /* A transparent fragment at distance t: the fog in front of it converges to that of the ray as slices become thin. */
 static void fog_on_transparent_things(gl_rig *rig) {
     const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 32);
@@ -861,20 +880,49 @@ static void fog_on_transparent_things(gl_rig *rig) {
         for (turn = 0; turn < 2; turn++) {
             const scatter_gl_froxels f = {WIDTH, HEIGHT, 96 << turn, 0.3f, 9.0f};
             assert_int_equal(scatter_gl_fill_froxels(s.fog, &v, &f), SCATTER_OK);
-            run_surface(&s,
-                        "void main() { vec2 at = gl_FragCoord.xy / vec2(40.0, 28.0); at.y = 1.0 - at.y;\n"
-                        "vec3 move = at.x * given[2].xyz + at.y * given[3].xyz;\n"
-                        "vec3 o = given[0].xyz, d = given[1].xyz;\n"
-                        "if (given[1].w > 0.5) d += move; else o += move;\n"
-                        "vec3 x = o + given[0].w * normalize(d);\n"
-                        "color = scatter_fog(vec4(0.2, 0.3, 0.4, 1.0), x); }",
-                        given, &p);
+            run_surface(&s, through_froxels, given, &p);
             errors[turn] = compare(&p, rgb);
         }
         /* one node a slice: second order; a slice of 96 is 1/3 of the narrowest Gaussian at this distance */
         assert_at_most(errors[0], 4e-3);
         assert_at_least(check_order(errors[0], errors[1]), 1.5);
     }
+    close_stage(&s);
+}
+
+/* Behind the last slice fog goes on, as bright as it was there: there is no visible end. */
+static void fog_behind_the_froxels(gl_rig *rig) {
+    const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, 32);
+    const scatter_gl_froxels f = {WIDTH, HEIGHT, 64, 0.3f, 6.0f};
+    const camera c = make_camera(PLAIN);
+    const scatter_vec3 o = c.rays.origin, d = c.rays.direction;
+    const scatter_vec3 u = c.rays.direction_dx, b = c.rays.direction_dy;
+    const float given[16] = {o.x, o.y, o.z, 9.0f, d.x, d.y, d.z, 1, u.x, u.y, u.z, 0, b.x, b.y, b.z, 0};
+    static float whole[3 * PIXELS], ended[3 * PIXELS];
+    static picture p;
+    check_world w;
+    scatter_gl_view v;
+    stage s;
+    int i;
+    check_world_open(&w);
+    w.scene.medium.extinction = check_v3(0.04f, 0.06f, 0.1f);
+    w.scene.medium.albedo = check_v3(0.9f, 0.9f, 0.9f);
+    check_add_height(&w, 1.5f, -0.4f, 3.0f);
+    check_add_light(&w, SCATTER_LIGHT_DIRECTIONAL, check_v3(0, 0, 0), check_v3(9, 8, 7));
+    w.lights[0].direction = check_v3(0.2f, -1, 0.3f);
+    open_stage(&s, rig);
+    for (i = 0; i < PIXELS; i++)
+        s.distance[i] = 6.0f;
+    render(&s, &w, &c, &q, ended, NULL);
+    for (i = 0; i < PIXELS; i++)
+        s.distance[i] = 9.0f;
+    render(&s, &w, &c, &q, whole, NULL);
+    put_world(&s, &w, NULL, &q, NULL);
+    v = view_of(&s, &c);
+    assert_int_equal(scatter_gl_fill_froxels(s.fog, &v, &f), SCATTER_OK);
+    run_surface(&s, through_froxels, given, &p);
+    /* A fifth of what an end at the last slice would leave is measured: the light changes over the 3 m behind it. */
+    assert_at_most(compare(&p, whole), 0.25 * difference(ended, whole));
     close_stage(&s);
 }
 
@@ -947,6 +995,7 @@ int main(void) {
         {"reduced resolution", reduced_resolution},
         {"light on surfaces", light_on_surfaces},
         {"fog on transparent things", fog_on_transparent_things},
+        {"fog behind the froxels", fog_behind_the_froxels},
         {"what is shown", what_is_shown}};
     return gl_rig_run_all(cases, CHECK_COUNT(cases));
 }
