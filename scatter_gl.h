@@ -199,8 +199,8 @@ SCATTER_API scatter_result scatter_gl_set_medium(scatter_gl *fog, const scatter_
 SCATTER_API scatter_result scatter_gl_set_lights(scatter_gl *fog, const scatter_gl_light *lights,
                                                  size_t count);
 /* Fills the volumes that the methods of `quality` need (NULL: defaults), only where something changed since the last
-   call. eye: not NULL: optical depth from there goes into the volumes as well, and draw reads it instead of
-   integrating it (right only for a camera that stands there). */
+   call. eye: not NULL: optical depth from there goes into the volumes as well, and draw reads it from the closed volume
+   and from upwind's instead of integrating it (right only for a camera that stands there, and less exact). */
 SCATTER_API scatter_result scatter_gl_update(scatter_gl *fog, const scatter_quality *quality,
                                              const scatter_vec3 *eye);
 /* Blends the fog over the picture: L + T scene, alpha as of premultiplied colour. */
