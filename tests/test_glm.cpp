@@ -49,6 +49,7 @@ struct fake_gl {
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
 SCATTERI_GL_FUNCTIONS(FAKE_NOTHING)
+SCATTERI_GL_OPTIONAL(FAKE_NOTHING)
 #if defined(__GNUC__)
 #pragma GCC diagnostic pop
 #endif
@@ -166,7 +167,7 @@ const fake_entry fake_entries[] = {FAKE_OWN("GenTextures", fake_gen),
                                    FAKE_OWN("GetProgramiv", fake_yes),
                                    FAKE_OWN("GetString", fake_string),
                                    FAKE_OWN("CheckFramebufferStatus", fake_complete),
-                                   SCATTERI_GL_FUNCTIONS(FAKE_ENTRY)};
+                                   SCATTERI_GL_FUNCTIONS(FAKE_ENTRY) SCATTERI_GL_OPTIONAL(FAKE_ENTRY)};
 
 scatter_gl_proc fake_address(const char *name)
 {
