@@ -72,7 +72,7 @@
 
    Errors: results and log as in scatter.h; SCATTER_UNSUPPORTED where the context lacks something. A shader that does not
    compile is logged whole, with numbered lines. Accuracy is measured in docs/accuracy.md and docs/report_gl.md.
-   Volumes of 16 bits (desc.half_float): depth errs by up to 2^-11 of itself more.
+   Volumes of 16 bits (desc.half_float): depth errs by up to 2^-10 of itself more for each value it is summed from.
    Memory: host.allocate only in create, warm_up, surface_glsl, and where programs or grids become more; textures are
    made when limits, quality or sizes grow. A frame after the first like it allocates, compiles and creates nothing.
    Threads: as OpenGL: the thread whose context is current.
@@ -309,8 +309,6 @@ enum {
     SCATTERI_GL_QUERY_RESULT = 0x8866,
     SCATTERI_GL_R16F = 0x822D,
     SCATTERI_GL_R32F = 0x822E,
-    SCATTERI_GL_READ_BINDING = 0x8CAA,
-    SCATTERI_GL_READ_FRAMEBUFFER = 0x8CA8,
     SCATTERI_GL_RED = 0x1903,
     SCATTERI_GL_RG = 0x8227,
     SCATTERI_GL_RG32F = 0x8230,
@@ -318,7 +316,6 @@ enum {
     SCATTERI_GL_RGBA16F = 0x881A,
     SCATTERI_GL_RGBA32F = 0x8814,
     SCATTERI_GL_SAMPLER_BINDING = 0x8919,
-    SCATTERI_GL_SCISSOR_BOX = 0x0C10,
     SCATTERI_GL_SCISSOR_TEST = 0x0C11,
     SCATTERI_GL_SRC_ALPHA = 0x0302,
     SCATTERI_GL_SRC_COLOR = 0x0300,
@@ -582,7 +579,7 @@ typedef struct scatteri_gl_view_block {
 
 typedef struct scatteri_gl_texture {
     unsigned name, target;
-    int format, width, height, depth; /* internal format; depth 1: 2D */
+    int format, width, height, depth; /* internal format; depth 0: 2D */
 } scatteri_gl_texture;
 
 /* What decides about a program's text. */
@@ -3415,7 +3412,7 @@ static unsigned scatteri_gl_channels(int format)
 static size_t scatteri_gl_texture_bytes(const scatteri_gl_texture *t)
 {
     return (size_t)scatteri_gl_texel(t->format) * (size_t)t->width * (size_t)t->height *
-           (size_t)t->depth;
+           (size_t)(t->depth > 0 ? t->depth : 1);
 }
 
 static void scatteri_gl_drop_texture(scatter_gl *f, scatteri_gl_texture *t)
@@ -3437,12 +3434,12 @@ static void scatteri_gl_bind(const scatter_gl *f, int unit, unsigned target, uns
     f->gl.BindSampler((unsigned)unit, sampler);
 }
 
-/* Makes a texture of that size and format, unless it is one already; depth 1 is 2D. */
+/* Makes a texture of that size and format, unless it is one already; depth 0 is 2D. */
 static scatter_result scatteri_gl_size_texture(scatter_gl *f, scatteri_gl_texture *t, int format,
                                                int width, int height, int depth)
 {
     const scatteri_gl_functions *gl = &f->gl;
-    const int most = depth > 1 ? f->max_3d : f->max_2d;
+    const int most = depth > 0 ? f->max_3d : f->max_2d;
     if (t->name != 0 && t->format == format && t->width == width && t->height == height &&
         t->depth == depth)
         return SCATTER_OK;
@@ -3451,7 +3448,7 @@ static scatter_result scatteri_gl_size_texture(scatter_gl *f, scatteri_gl_textur
                              "a texture of %d x %d x %d is needed, this GL context has at most %d",
                              width, height, depth, most);
     scatteri_gl_drop_texture(f, t);
-    t->target = depth > 1 ? SCATTERI_GL_TEXTURE_3D : SCATTERI_GL_TEXTURE_2D;
+    t->target = depth > 0 ? SCATTERI_GL_TEXTURE_3D : SCATTERI_GL_TEXTURE_2D;
     t->format = format;
     t->width = width;
     t->height = height;
@@ -3460,7 +3457,7 @@ static scatter_result scatteri_gl_size_texture(scatter_gl *f, scatteri_gl_textur
     scatteri_gl_bind(f, SCATTERI_GL_UNIT_BEFORE, t->target, t->name, 0);
     gl->TexParameteri(t->target, SCATTERI_GL_MIN_FILTER, SCATTERI_GL_NEAREST);
     gl->TexParameteri(t->target, SCATTERI_GL_MAG_FILTER, SCATTERI_GL_NEAREST);
-    if (depth > 1)
+    if (depth > 0)
         gl->TexImage3D(t->target, 0, format, width, height, depth, 0, scatteri_gl_channels(format),
                        SCATTERI_GL_FLOAT, NULL);
     else
@@ -3897,7 +3894,7 @@ static scatter_result scatteri_gl_sum_columns(scatter_gl *f, const scatteri_gl_t
     int first, i, turn = 0;
     for (i = 0; i < 2 && sums && result == SCATTER_OK; i++)
         result = scatteri_gl_size_texture(f, &f->running[i], SCATTERI_GL_RGBA32F, volume->width,
-                                          volume->height, 1);
+                                          volume->height, 0);
     if (result == SCATTER_OK)
         result = scatteri_gl_use(f, SCATTERI_GL_PASS_POLAR, features, shells, &program);
     for (first = 0; first < volume->depth && result == SCATTER_OK; first += shells) {
@@ -3973,7 +3970,7 @@ static scatter_result scatteri_gl_sweep(scatter_gl *f, const scatteri_gl_texture
         tiles++;
     for (i = 0; i < 2 && result == SCATTER_OK; i++)
         result = scatteri_gl_size_texture(f, &f->wave[i], SCATTERI_GL_RGBA32F, tiles * n,
-                                          (count + tiles - 1) / tiles * n, 1);
+                                          (count + tiles - 1) / tiles * n, 0);
     if (result != SCATTER_OK)
         return result;
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_FIELD, &f->field);
@@ -4684,7 +4681,7 @@ static scatter_result scatteri_gl_reserve_reduced(scatter_gl *f, int width, int 
         if (t->width < width || t->height < height)
             result = scatteri_gl_size_texture(f, t, SCATTERI_GL_RGBA16F,
                                               width > t->width ? width : t->width,
-                                              height > t->height ? height : t->height, 1);
+                                              height > t->height ? height : t->height, 0);
     }
     return result;
 }
@@ -4924,7 +4921,7 @@ static scatter_result scatteri_gl_size_froxels(scatter_gl *f, const scatter_gl_f
     int i;
     for (i = 0; i < 2 && result == SCATTER_OK; i++)
         result = scatteri_gl_size_texture(f, &f->froxel_running[i], SCATTERI_GL_RGBA32F, r->nx,
-                                          r->ny, 1);
+                                          r->ny, 0);
     return result;
 }
 
@@ -5297,10 +5294,10 @@ static scatter_result scatteri_gl_make_objects(scatter_gl *f)
     for (i = 0; i < scatteri_gl_most_batches(f); i++)
         f->light_buffers[i] = scatteri_gl_make_buffer(f, sizeof f->lights_block);
     result =
-        scatteri_gl_size_texture(f, &f->gaussians, SCATTERI_GL_RGBA32F, SCATTERI_GL_ROW, rows, 1);
+        scatteri_gl_size_texture(f, &f->gaussians, SCATTERI_GL_RGBA32F, SCATTERI_GL_ROW, rows, 0);
     if (result == SCATTER_OK)
         result = scatteri_gl_size_texture(f, &f->rules, SCATTERI_GL_RG32F, SCATTERI_NODES,
-                                          SCATTERI_RULES, 1);
+                                          SCATTERI_RULES, 0);
     return result;
 }
 
