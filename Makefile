@@ -39,7 +39,7 @@ PREFIX = /usr/local
 VERSION = 0.1.0
 
 PROGRAMS = scatter-render scatter-minimal scatter-sheet scatter-generate scatter-dump_shaders
-SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
+SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan test_environment hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
 FUZZERS = fuzz_scene fuzz_descriptors
 HEADERS = scatter.h scatter_gl.h
 
@@ -106,7 +106,7 @@ $(BUILD)/scatter-bench-gl: $(BUILD)/bench_gl.o $(BUILD)/reference.o
 $(BUILD)/test_core: $(BUILD)/test_core.o
 	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(MPFR_LIBS) $(LIBS)
 
-$(BUILD)/test_scene: $(BUILD)/test_scene.o
+$(BUILD)/test_scene $(BUILD)/test_environment: %: %.o
 	$(LINK) $^ -o $@ $(CMOCKA_LIBS) $(LIBS)
 
 # Shaders of scatter_gl.h as C++; most of their functions and arguments are not used in each of them.

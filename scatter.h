@@ -33,10 +33,11 @@
      optional bounds; coloured extinction and albedo, emission; isotropic, Henyey-Greenstein, Rayleigh,
      Draine and water-droplet phase functions.
    - Lights: point, spot and directional, any number, shadowed by the medium and by the host's geometry.
+   - HDR environment maps as constellations of directional lights.
    - Single scattering, exactly or to a stated error; surfaces lit and seen through the medium.
    - The same bits for the same input on the same machine and build, with any number of threads.
    - Plans the cheapest quality for a given error, and tells the error of an image.
-   What it does not do (yet): multiple scattering, environment maps, refraction.
+   What it does not do (yet): multiple scattering, refraction.
 
    Conventions
    - Lengths in metres, angles in radians, axes right-handed, colours linear RGB.
@@ -73,7 +74,7 @@
    Memory: through host.allocate/release (default malloc/free), only in scatter_create, scatter_depth_create,
    scatter_update and scatter_depth_update, and there only when something became larger. scatter_render,
    scatter_radiance, scatter_inject and scatter_depth_at never allocate. At most 300 KB of stack. scatter_plan allocates and
-   releases a context of its own.
+   releases a context of its own, scatter_constellation what it works on.
    Threads: none of its own. Long loops are handed to host.parallel_for if there is one. scatter_radiance,
    scatter_depth_at and all functions without a context may be called from any number of threads.
    Determinism: the same bits on the same machine and build for any number of threads; on another processor
@@ -215,6 +216,20 @@ typedef struct scatter_surface {
     scatter_vec3 specular; /* 0: Lambert only */
     float shininess;       /* >= 0 */
 } scatter_surface;
+
+/* What surrounds a scene, infinitely far away, as a latitude-longitude map: row 0 looks up (+y), the
+   middle column along -z, the columns to its right towards +x. */
+typedef struct scatter_environment {
+    const float *rgb; /* width*height*3, radiance, W/(m2 sr), linear, 0..1e12 */
+    int width, height; /* 1..65536 */
+    float scale;       /* of the radiance, 0..1e4; 0: 1 */
+} scatter_environment;
+
+/* How an environment becomes directional lights. Both take suns out first. */
+typedef enum scatter_constellation_method {
+    SCATTER_CONSTELLATION_MEDIAN_CUT = 0, /* Debevec 2005: parts of equal energy */
+    SCATTER_CONSTELLATION_KMEANS          /* Kollig and Keller 2003: least energy times distance */
+} scatter_constellation_method;
 
 /* Everything that sends, scatters or stops light. The callbacks may be called from several threads. */
 typedef struct scatter_scene {
@@ -378,6 +393,29 @@ SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scat
 /* Optical depth between the source and x, m (times density). */
 SCATTER_API float scatter_depth_at(const scatter_depth *depth, scatter_vec3 x);
 
+/* `count` (1..256) directional lights that stand for an environment. Each gets a part of the map: its
+   intensity is the integral of the radiance over the part's solid angle, its direction the centroid by
+   luminance. So the intensities add up to the integral of the map, whatever the count. A sun (within
+   2 degrees at least as much light as each other light gets) becomes a light of its own, first in the
+   list. Lights that nothing is left for are black and shine down.
+   Moving the map by whole columns turns the lights of the median cut; those of k-means, too, by whole
+   cells (1/256 of the width). Allocates, and releases again, 4 bytes per texel, 1.1 MB for k-means and
+   tables of rows and columns. O(texels log count), on the calling thread; times are in
+   docs/report.md. `host` may be NULL. On failure `lights` stay as they are. */
+SCATTER_API scatter_result scatter_constellation(const scatter_host *host, const scatter_environment *map,
+                                                 scatter_constellation_method method, int count,
+                                                 scatter_light *lights);
+
+/* The lights turned about an axis through the origin (any length; 0: not turned) by `angle`, rad,
+   right-handed: their directions, and the positions of point and spot lights. So a sky turns without
+   a new constellation. `turned` may be `lights`. */
+SCATTER_API void scatter_turn_lights(const scatter_light *lights, size_t count, scatter_vec3 axis, float angle,
+                                     scatter_light *turned);
+
+/* Radiance that comes from where `direction` (any length but 0) looks to, W/(m2 sr): bilinear between
+   the centres of texels, around the seam, constant from the outermost rows to the poles. */
+SCATTER_API scatter_vec3 scatter_environment_radiance(const scatter_environment *map, scatter_vec3 direction);
+
 /* A context holds one scene, prepared for rays. `host` may be NULL and is copied. */
 SCATTER_API scatter_result scatter_create(const scatter_host *host, scatter_context **context);
 SCATTER_API void scatter_destroy(scatter_context *context);
@@ -437,7 +475,8 @@ template <class V> inline scatter_vec3 scatter_v3(const V &v)
 
 /* ========================================================================================== IMPLEMENTATION
    Data flows one way through the chapters:
-   core -> log -> memory -> medium -> depth -> source -> ray -> image -> validation -> plan -> public. */
+   core -> log -> memory -> environment -> medium -> depth -> source -> ray -> image -> validation ->
+   plan -> public. */
 #ifdef SCATTER_IMPLEMENTATION
 #ifndef SCATTER_IMPLEMENTED
 #define SCATTER_IMPLEMENTED
@@ -1182,6 +1221,852 @@ static scatter_result scatteri_parallel(const scatteri_stage *stage, int count,
     if (host->progress != NULL && stage->high >= 1.0f)
         (void)host->progress(host->user, 1.0f);
     return SCATTER_OK;
+}
+
+/* ------------------------------------------------------------------------------------ >>environment
+   A radiance map becomes directional lights. Radiance is constant in each texel, and everything is
+   integrated exactly over the solid angles of the texels: energy (luminance times solid angle) and
+   its first moment (energy times direction), which is a product of a factor of the row and one of
+   the column. Compact bright spots (suns) are taken out first; the rest is cut (median cut) or
+   clustered (k-means). */
+
+enum {
+    SCATTERI_LIGHTS = 256,     /* of a constellation, at most */
+    SCATTERI_MAP_EDGE = 65536, /* texels along an edge of a map, at most */
+    SCATTERI_FINE = 128, /* columns that a map needs, half of it rows; others are refined first */
+    SCATTERI_CELLS_X = 256, /* cells that k-means works on, at most */
+    SCATTERI_CELLS_Y = 128,
+    SCATTERI_DISCS = 1024, /* bright spots that are looked at, at most */
+    SCATTERI_RELAX = 4,    /* Lloyd steps after each insertion */
+    SCATTERI_ROUNDS = 24   /* of insertions, at most: 8 if none of the lights is lost again */
+};
+
+#define SCATTERI_PI 3.14159265358979323846
+#define SCATTERI_SUN_ANGLE 0.0349 /* rad: 2 degrees, within which a sun lies */
+#define SCATTERI_SUN_EDGE 0.1f    /* of its brightest texel, the faintest that belongs to a sun */
+#define SCATTERI_SUN_RING 0.05    /* of its energy, what may lie around it */
+#define SCATTERI_TAKEN (-FLT_MAX) /* luminance of a texel that belongs to a sun */
+
+/* What comes from a part of the map: irradiance, and luminance times solid angle times 1 and
+   direction. */
+typedef struct scatteri_part {
+    double rgb[3], energy, moment[3];
+} scatteri_part;
+
+/* Integrals over theta in one row: solid angle of a texel, horizontal part of the direction (to be
+   multiplied by that of the column), vertical part. */
+typedef struct scatteri_band {
+    double area, flat, up;
+} scatteri_band;
+
+/* A rectangle of texels; it may go over the seam. */
+typedef struct scatteri_patch {
+    int x0, y0, nx, ny; /* 0 <= x0 < width; x0 + nx may be larger than the width */
+    double energy;
+    int whole; /* it cannot be cut */
+} scatteri_patch;
+
+/* k-means works on these: first moment and irradiance. */
+typedef struct scatteri_cells {
+    int count; /* a multiple of SCATTERI_LANES */
+    float *x, *y, *z, *rgb, *best;
+    int *owner;
+} scatteri_cells;
+
+typedef struct scatteri_sky {
+    const scatter_host *host;
+    const scatter_environment *given;
+    scatter_environment map; /* the same radiance, perhaps in smaller texels */
+    scatteri_buffer refined, tables, texels, memory; /* memory of what follows */
+    scatteri_band *band;                             /* of each row */
+    double *row, *column;                            /* energy of the rows and columns of a patch */
+    float *east, *north; /* of each column: integrals of sin and cos of its azimuth */
+    float *brightest;    /* of each row: luminance of the brightest texel not looked at */
+    float *luminance;    /* SCATTERI_TAKEN in suns, negative where the search for suns has been */
+    scatteri_cells cells;
+    double energy; /* outside suns */
+    int columns;   /* of cells */
+} scatteri_sky;
+
+/* --- texels --- */
+
+/* Not 0 if all values are finite, not negative and not huge. */
+SCATTERI_HOT static int scatteri_is_radiance(const float *value, size_t count)
+{
+    int bad[SCATTERI_LANES] = {0}, any = 0, i;
+    size_t n = 0;
+    for (; n + SCATTERI_LANES <= count; n += SCATTERI_LANES)
+        for (i = 0; i < SCATTERI_LANES; i++)
+            bad[i] |= !(value[n + (size_t)i] >= 0.0f) | !(value[n + (size_t)i] <= 1e12f);
+    for (; n < count; n++)
+        any |= !(value[n] >= 0.0f && value[n] <= 1e12f);
+    for (i = 0; i < SCATTERI_LANES; i++)
+        any |= bad[i];
+    return !any;
+}
+
+SCATTERI_HOT static void scatteri_read_luminance(const float *SCATTERI_RESTRICT rgb, int count,
+                                                 float *SCATTERI_RESTRICT luminance)
+{
+    int i;
+    for (i = 0; i < count; i++)
+        luminance[i] = scatteri_luminance(scatteri_v3(rgb[3 * i], rgb[3 * i + 1], rgb[3 * i + 2]));
+}
+
+SCATTERI_HOT static float scatteri_brightest(const float *value, int count)
+{
+    float top[SCATTERI_LANES] = {0}, most = 0.0f;
+    int n = 0, i;
+    for (; n + SCATTERI_LANES <= count; n += SCATTERI_LANES)
+        for (i = 0; i < SCATTERI_LANES; i++)
+            top[i] = value[n + i] > top[i] ? value[n + i] : top[i];
+    for (; n < count; n++)
+        most = value[n] > most ? value[n] : most;
+    for (i = 0; i < SCATTERI_LANES; i++)
+        most = top[i] > most ? top[i] : most;
+    return most;
+}
+
+/* Adds weight * luminance to the columns and returns the sum of what was added. */
+SCATTERI_HOT static double scatteri_add_columns(const float *SCATTERI_RESTRICT luminance, int count,
+                                                double weight, double *SCATTERI_RESTRICT column)
+{
+    double sum[SCATTERI_LANES] = {0}, all = 0.0;
+    int n = 0, i;
+    for (; n + SCATTERI_LANES <= count; n += SCATTERI_LANES)
+        for (i = 0; i < SCATTERI_LANES; i++) {
+            const double e = weight * (luminance[n + i] > 0.0f ? luminance[n + i] : 0.0f);
+            column[n + i] += e;
+            sum[i] += e;
+        }
+    for (; n < count; n++) {
+        const double e = weight * (luminance[n] > 0.0f ? luminance[n] : 0.0f);
+        column[n] += e;
+        sum[0] += e;
+    }
+    for (i = 0; i < SCATTERI_LANES; i++)
+        all += sum[i];
+    return all;
+}
+
+/* Sums over texels of a row that are in no sun. */
+typedef struct scatteri_row_sum {
+    double red, green, blue, luminance, east, north;
+} scatteri_row_sum;
+
+SCATTERI_FN void scatteri_add_texel(scatteri_row_sum *s, const float *rgb, float luminance,
+                                    float east, float north)
+{
+    const double keep = luminance >= 0.0f ? 1.0 : 0.0, y = keep * luminance;
+    s->red += keep * rgb[0];
+    s->green += keep * rgb[1];
+    s->blue += keep * rgb[2];
+    s->luminance += y;
+    s->east += y * east;
+    s->north += y * north;
+}
+
+enum { SCATTERI_SUMS = 8 }; /* texels of a row that are summed beside each other */
+
+SCATTERI_HOT static void scatteri_sum_row(const float *SCATTERI_RESTRICT rgb,
+                                          const float *SCATTERI_RESTRICT luminance,
+                                          const float *SCATTERI_RESTRICT east,
+                                          const float *SCATTERI_RESTRICT north, int count,
+                                          scatteri_row_sum *SCATTERI_RESTRICT sum)
+{
+    double lane[6][SCATTERI_SUMS] = {{0.0}};
+    int n = 0, i;
+    for (; n + SCATTERI_SUMS <= count; n += SCATTERI_SUMS)
+        for (i = 0; i < SCATTERI_SUMS; i++) {
+            const double keep = luminance[n + i] >= 0.0f ? 1.0 : 0.0;
+            const double y = keep * (double)luminance[n + i];
+            lane[0][i] += keep * (double)rgb[3 * (n + i)];
+            lane[1][i] += keep * (double)rgb[3 * (n + i) + 1];
+            lane[2][i] += keep * (double)rgb[3 * (n + i) + 2];
+            lane[3][i] += y;
+            lane[4][i] += y * (double)east[n + i];
+            lane[5][i] += y * (double)north[n + i];
+        }
+    for (; n < count; n++)
+        scatteri_add_texel(sum, rgb + 3 * n, luminance[n], east[n], north[n]);
+    for (i = 0; i < SCATTERI_SUMS; i++) {
+        sum->red += lane[0][i], sum->green += lane[1][i], sum->blue += lane[2][i];
+        sum->luminance += lane[3][i], sum->east += lane[4][i], sum->north += lane[5][i];
+    }
+}
+
+static void scatteri_add_to_part(scatteri_part *part, const scatteri_band *band,
+                                 const scatteri_row_sum *sum)
+{
+    part->rgb[0] += band->area * sum->red;
+    part->rgb[1] += band->area * sum->green;
+    part->rgb[2] += band->area * sum->blue;
+    part->energy += band->area * sum->luminance;
+    part->moment[0] += band->flat * sum->east;
+    part->moment[1] += band->up * sum->luminance;
+    part->moment[2] -= band->flat * sum->north;
+}
+
+/* Texels of row y, `count` of them from column x0 on, around the seam if need be. */
+static void scatteri_add_span(const scatteri_sky *sky, int y, int x0, int count,
+                              scatteri_part *part)
+{
+    const size_t row = (size_t)y * (size_t)sky->map.width;
+    scatteri_row_sum sum;
+    memset(&sum, 0, sizeof sum);
+    while (count > 0) {
+        const int some = count < sky->map.width - x0 ? count : sky->map.width - x0;
+        const size_t first = row + (size_t)x0;
+        scatteri_sum_row(sky->map.rgb + 3 * first, sky->luminance + first, sky->east + x0,
+                         sky->north + x0, some, &sum);
+        count -= some;
+        x0 = 0;
+    }
+    scatteri_add_to_part(part, &sky->band[y], &sum);
+}
+
+/* The light that stands for a part of the map. Where nothing comes from, or as much from
+   everywhere, its direction is down. */
+static scatter_light scatteri_light_of(const scatteri_sky *sky, const scatteri_part *part)
+{
+    const double *m = part->moment, length = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]);
+    const double scale = sky->map.scale != 0.0f ? (double)sky->map.scale : 1.0;
+    scatter_light light;
+    memset(&light, 0, sizeof light);
+    light.kind = SCATTER_LIGHT_DIRECTIONAL;
+    light.direction = scatteri_v3(0.0f, -1.0f, 0.0f);
+    if (length > 1e-6 * part->energy)
+        light.direction =
+            scatteri_v3((float)(-m[0] / length), (float)(-m[1] / length), (float)(-m[2] / length));
+    light.intensity = scatteri_v3((float)(scale * part->rgb[0]), (float)(scale * part->rgb[1]),
+                                  (float)(scale * part->rgb[2]));
+    return light;
+}
+
+/* --- preparation --- */
+
+static void scatteri_set_bands(scatteri_sky *sky)
+{
+    const double step = SCATTERI_PI / sky->map.height, turn = 2.0 * SCATTERI_PI / sky->map.width;
+    int y;
+    for (y = 0; y < sky->map.height; y++) {
+        const double middle = step * (y + 0.5);
+        scatteri_band *b = &sky->band[y];
+        b->area = turn * 2.0 * sin(middle) * sin(0.5 * step);
+        b->flat = 0.5 * (step - cos(2.0 * middle) * sin(step));
+        b->up = turn * 0.5 * sin(2.0 * middle) * sin(step);
+    }
+}
+
+static void scatteri_set_azimuths(scatteri_sky *sky)
+{
+    const double turn = 2.0 * SCATTERI_PI / sky->map.width, width = 2.0 * sin(0.5 * turn);
+    int x;
+    for (x = 0; x < sky->map.width; x++) {
+        const double azimuth = turn * (x + 0.5) - SCATTERI_PI;
+        sky->east[x] = (float)(width * sin(azimuth));
+        sky->north[x] = (float)(width * cos(azimuth));
+    }
+}
+
+/* A map of few texels becomes one of more, with the same radiance everywhere. */
+static scatter_result scatteri_refine(scatteri_sky *sky)
+{
+    const scatter_environment old = sky->map;
+    const int fx = (SCATTERI_FINE - 1) / old.width + 1,
+              fy = (SCATTERI_FINE / 2 - 1) / old.height + 1;
+    const int width = fx * old.width, height = fy * old.height;
+    scatter_result result;
+    float *rgb;
+    int x, y;
+    if (fx == 1 && fy == 1)
+        return SCATTER_OK;
+    result = scatteri_reserve(sky->host, &sky->refined,
+                              scatteri_bytes((size_t)width, (size_t)height, 3, sizeof *rgb),
+                              "a refined environment");
+    if (result != SCATTER_OK)
+        return result;
+    rgb = (float *)sky->refined.data;
+    for (y = 0; y < height; y++)
+        for (x = 0; x < width; x++, rgb += 3)
+            memcpy(rgb, old.rgb + 3 * ((size_t)(y / fy) * (size_t)old.width + (size_t)(x / fx)),
+                   3 * sizeof *rgb);
+    sky->map.rgb = (const float *)sky->refined.data;
+    sky->map.width = width;
+    sky->map.height = height;
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_reserve_tables(scatteri_sky *sky)
+{
+    const size_t width = (size_t)sky->map.width, height = (size_t)sky->map.height;
+    const size_t doubles = 4 * height + width, singles = 2 * width + height;
+    scatter_result result =
+        scatteri_reserve(sky->host, &sky->tables,
+                         doubles * sizeof(double) + singles * sizeof(float), "rows and columns");
+    if (result == SCATTER_OK)
+        result = scatteri_reserve(sky->host, &sky->texels, width * height * sizeof(float),
+                                  "the luminance of an environment");
+    if (result != SCATTER_OK)
+        return result;
+    sky->band = (scatteri_band *)sky->tables.data;
+    sky->row = (double *)(sky->band + height);
+    sky->column = sky->row + height;
+    sky->east = (float *)(sky->column + width);
+    sky->north = sky->east + width;
+    sky->brightest = sky->north + width;
+    sky->luminance = (float *)sky->texels.data;
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_refuse_texel(const scatteri_sky *sky, int y)
+{
+    const float *row = sky->map.rgb + 3 * (size_t)y * (size_t)sky->map.width;
+    int i = 0;
+    while (i + 1 < 3 * sky->map.width && row[i] >= 0.0f && row[i] <= 1e12f)
+        i++;
+    return scatteri_fail(sky->host, SCATTER_BAD_ARGUMENT,
+                         "map.rgb in column %d of row %d is %g, it must be 0..1e12",
+                         i / 3 / (sky->map.width / sky->given->width),
+                         y / (sky->map.height / sky->given->height), (double)row[i]);
+}
+
+/* Luminance and energy of all texels. */
+static scatter_result scatteri_read_map(scatteri_sky *sky)
+{
+    const size_t width = (size_t)sky->map.width;
+    int y;
+    memset(sky->column, 0, width * sizeof *sky->column);
+    for (y = 0; y < sky->map.height; y++) {
+        const float *rgb = sky->map.rgb + 3 * (size_t)y * width;
+        float *luminance = sky->luminance + (size_t)y * width;
+        if (!scatteri_is_radiance(rgb, 3 * width))
+            return scatteri_refuse_texel(sky, y);
+        scatteri_read_luminance(rgb, sky->map.width, luminance);
+        sky->brightest[y] = scatteri_brightest(luminance, sky->map.width);
+        sky->energy +=
+            scatteri_add_columns(luminance, sky->map.width, sky->band[y].area, sky->column);
+    }
+    return SCATTER_OK;
+}
+
+static scatter_result scatteri_open_sky(scatteri_sky *sky, const scatter_host *host,
+                                        const scatter_environment *map)
+{
+    scatter_result result;
+    memset(sky, 0, sizeof *sky);
+    sky->host = host;
+    sky->given = map;
+    sky->map = *map;
+    result = scatteri_refine(sky);
+    if (result == SCATTER_OK)
+        result = scatteri_reserve_tables(sky);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_set_bands(sky);
+    scatteri_set_azimuths(sky);
+    return scatteri_read_map(sky);
+}
+
+static void scatteri_close_sky(scatteri_sky *sky)
+{
+    scatteri_drop(sky->host, &sky->refined);
+    scatteri_drop(sky->host, &sky->tables);
+    scatteri_drop(sky->host, &sky->texels);
+    scatteri_drop(sky->host, &sky->memory);
+}
+
+/* --- suns --- */
+
+/* Texels whose centres lie within an angle around that of the texel x, y. */
+typedef struct scatteri_disc {
+    int x, y;
+    double radius;
+    float edge; /* luminance of the faintest that count */
+} scatteri_disc;
+
+/* Columns on each side of disc->x that lie within it in row y; -1: none. */
+static int scatteri_disc_reach(const scatteri_sky *sky, const scatteri_disc *disc, int y)
+{
+    const double step = SCATTERI_PI / sky->map.height;
+    const double a = step * (disc->y + 0.5), b = step * (y + 0.5);
+    const double cosine = (cos(disc->radius) - cos(a) * cos(b)) / (sin(a) * sin(b));
+    if (cosine > 1.0)
+        return -1;
+    if (cosine <= -1.0)
+        return sky->map.width / 2;
+    return (int)(acos(cosine) * sky->map.width / (2.0 * SCATTERI_PI));
+}
+
+/* First and last row that may lie within it. */
+static int scatteri_disc_row(const scatteri_sky *sky, const scatteri_disc *disc, int last)
+{
+    const int reach = (int)(disc->radius * sky->map.height / SCATTERI_PI) + 1;
+    const int y = last ? disc->y + reach : disc->y - reach;
+    return y < 0 ? 0 : y < sky->map.height ? y : sky->map.height - 1;
+}
+
+/* The columns of the disc in row y: returns their number, *x0 is the first. */
+static int scatteri_disc_span(const scatteri_sky *sky, const scatteri_disc *disc, int y, int *x0)
+{
+    const int reach = scatteri_disc_reach(sky, disc, y), width = sky->map.width;
+    const int count = 2 * reach + 1 < width ? 2 * reach + 1 : width;
+    *x0 = (disc->x - reach + width) % width;
+    return count;
+}
+
+/* What comes from the bright texels of a disc. */
+static scatteri_part scatteri_disc_part(const scatteri_sky *sky, const scatteri_disc *disc)
+{
+    scatteri_part part;
+    int y, i, x;
+    memset(&part, 0, sizeof part);
+    for (y = scatteri_disc_row(sky, disc, 0); y <= scatteri_disc_row(sky, disc, 1); y++) {
+        const size_t row = (size_t)y * (size_t)sky->map.width;
+        const int count = scatteri_disc_span(sky, disc, y, &x);
+        scatteri_row_sum sum;
+        memset(&sum, 0, sizeof sum);
+        for (i = 0; i < count; i++, x = x + 1 < sky->map.width ? x + 1 : 0) {
+            const float l = sky->luminance[row + (size_t)x], size = l < 0.0f ? -l : l;
+            if (size >= disc->edge && l > SCATTERI_TAKEN)
+                scatteri_add_texel(&sum, sky->map.rgb + 3 * (row + (size_t)x), size, sky->east[x],
+                                   sky->north[x]);
+        }
+        scatteri_add_to_part(&part, &sky->band[y], &sum);
+    }
+    return part;
+}
+
+/* The search for suns leaves out the bright texels of a disc from now on, taken or not. */
+static void scatteri_leave_disc(scatteri_sky *sky, const scatteri_disc *disc, int taken)
+{
+    int y, i, x;
+    for (y = scatteri_disc_row(sky, disc, 0); y <= scatteri_disc_row(sky, disc, 1); y++) {
+        float *row = sky->luminance + (size_t)y * (size_t)sky->map.width;
+        const int count = scatteri_disc_span(sky, disc, y, &x);
+        for (i = 0; i < count; i++, x = x + 1 < sky->map.width ? x + 1 : 0) {
+            const float size = row[x] < 0.0f ? -row[x] : row[x];
+            if (size >= disc->edge && row[x] > SCATTERI_TAKEN)
+                row[x] = taken ? SCATTERI_TAKEN : -size;
+        }
+        sky->brightest[y] = scatteri_brightest(row, sky->map.width);
+    }
+}
+
+/* The brightest texel that the search has not been to, and what is around it. */
+static scatteri_disc scatteri_next_disc(const scatteri_sky *sky, double radius)
+{
+    const float *row;
+    scatteri_disc disc = {0, 0, 0.0, 0.0f};
+    int y;
+    for (y = 1; y < sky->map.height; y++)
+        if (sky->brightest[y] > sky->brightest[disc.y])
+            disc.y = y;
+    row = sky->luminance + (size_t)disc.y * (size_t)sky->map.width;
+    while (disc.x + 1 < sky->map.width && row[disc.x] < sky->brightest[disc.y])
+        disc.x++;
+    disc.radius = radius;
+    disc.edge = SCATTERI_SUN_EDGE * sky->brightest[disc.y];
+    return disc;
+}
+
+static void scatteri_end_search(scatteri_sky *sky)
+{
+    const size_t count = (size_t)sky->map.width * (size_t)sky->map.height;
+    float *l = sky->luminance;
+    size_t i;
+    for (i = 0; i < count; i++)
+        l[i] = l[i] < 0.0f && l[i] > SCATTERI_TAKEN ? -l[i] : l[i];
+}
+
+/* Takes suns out of the map and returns their number. A sun has at least the energy that each other
+   light would get, and ends within 2 degrees of its brightest texel: nearly nothing as bright is in
+   the ring around it. */
+static int scatteri_take_suns(scatteri_sky *sky, int count, scatter_light *lights)
+{
+    const double tall = SCATTERI_PI / sky->map.height, wide = 2.0 * SCATTERI_PI / sky->map.width;
+    const double texel = tall > wide ? tall : wide;
+    const double radius = SCATTERI_SUN_ANGLE > 1.5 * texel ? SCATTERI_SUN_ANGLE : 1.5 * texel;
+    const double area = 2.0 * SCATTERI_PI * (1.0 - cos(radius + texel));
+    int found = 0, look;
+    for (look = 0; look < SCATTERI_DISCS && found < count - 1; look++) {
+        scatteri_disc disc = scatteri_next_disc(sky, radius);
+        const double share = sky->energy / (count - found);
+        const double top = sky->brightest[disc.y];
+        scatteri_part part;
+        int is_sun;
+        if (!(top > 0.0 && top * area >= share))
+            break;
+        part = scatteri_disc_part(sky, &disc);
+        disc.radius = radius + 1.5 * texel;
+        is_sun = part.energy >= share &&
+                 scatteri_disc_part(sky, &disc).energy <= (1.0 + SCATTERI_SUN_RING) * part.energy;
+        disc.radius = radius;
+        scatteri_leave_disc(sky, &disc, is_sun);
+        if (is_sun)
+            lights[found++] = scatteri_light_of(sky, &part);
+        sky->energy -= is_sun ? part.energy : 0.0;
+    }
+    scatteri_end_search(sky);
+    return found;
+}
+
+/* --- median cut --- */
+
+/* Energy of each row and column of a patch. */
+static void scatteri_project(scatteri_sky *sky, const scatteri_patch *p)
+{
+    const int width = sky->map.width, some = p->nx < width - p->x0 ? p->nx : width - p->x0;
+    int y;
+    memset(sky->column, 0, (size_t)p->nx * sizeof *sky->column);
+    for (y = 0; y < p->ny; y++) {
+        const float *row = sky->luminance + (size_t)(p->y0 + y) * (size_t)width;
+        const double area = sky->band[p->y0 + y].area;
+        sky->row[y] = scatteri_add_columns(row + p->x0, some, area, sky->column);
+        if (some < p->nx)
+            sky->row[y] += scatteri_add_columns(row, p->nx - some, area, sky->column + some);
+    }
+}
+
+/* Where to cut so that both sides have the same energy, as nearly as it goes: 1..count-1. */
+static int scatteri_even_cut(const double *energy, int count)
+{
+    double all = 0.0, sum = 0.0, least = -1.0;
+    int i, best = 1;
+    for (i = 0; i < count; i++)
+        all += energy[i];
+    for (i = 1; i < count; i++) {
+        double uneven;
+        sum += energy[i - 1];
+        uneven = fabs(2.0 * sum - all);
+        if (least < 0.0 || uneven < least) {
+            least = uneven;
+            best = i;
+        }
+    }
+    return best;
+}
+
+static double scatteri_sum_of(const double *value, int count)
+{
+    double sum = 0.0;
+    int i;
+    for (i = 0; i < count; i++)
+        sum += value[i];
+    return sum;
+}
+
+/* Leaves out dark rows or columns at both ends: returns how many at the beginning. */
+static int scatteri_skip_dark(const double *energy, int *count)
+{
+    int first = 0;
+    while (*count > 1 && !(energy[*count - 1] > 0.0))
+        --*count;
+    while (first + 1 < *count && !(energy[first] > 0.0))
+        first++;
+    *count -= first;
+    return first;
+}
+
+/* Not 0 if a patch is to be cut across its columns: if it is longer that way. */
+static int scatteri_is_wide(const scatteri_sky *sky, const scatteri_patch *p)
+{
+    const double tall = SCATTERI_PI / sky->map.height;
+    const double top = tall * p->y0, bottom = tall * (p->y0 + p->ny);
+    const double mean_sine = (cos(top) - cos(bottom)) / (bottom - top);
+    const double width = 2.0 * SCATTERI_PI / sky->map.width * p->nx * mean_sine;
+    return p->ny == 1 || (p->nx > 1 && width >= tall * p->ny);
+}
+
+/* The part of a patch behind the cut becomes *rest. */
+static void scatteri_cut_patch(scatteri_sky *sky, scatteri_patch *p, scatteri_patch *rest)
+{
+    int x, y, at;
+    scatteri_project(sky, p);
+    x = scatteri_skip_dark(sky->column, &p->nx);
+    y = scatteri_skip_dark(sky->row, &p->ny);
+    p->x0 = (p->x0 + x) % sky->map.width;
+    p->y0 += y;
+    p->whole = p->nx == 1 && p->ny == 1;
+    *rest = *p;
+    if (p->whole)
+        return;
+    if (scatteri_is_wide(sky, p)) {
+        at = scatteri_even_cut(sky->column + x, p->nx);
+        p->energy = scatteri_sum_of(sky->column + x, at);
+        rest->energy = scatteri_sum_of(sky->column + x + at, p->nx - at);
+        rest->x0 = (p->x0 + at) % sky->map.width;
+        rest->nx = p->nx - at;
+        p->nx = at;
+    } else {
+        at = scatteri_even_cut(sky->row + y, p->ny);
+        p->energy = scatteri_sum_of(sky->row + y, at);
+        rest->energy = scatteri_sum_of(sky->row + y + at, p->ny - at);
+        rest->y0 += at;
+        rest->ny = p->ny - at;
+        p->ny = at;
+    }
+}
+
+/* The map is cut open opposite to where most of its light comes from: so nothing depends on the
+   column that it begins with. */
+static int scatteri_seam(scatteri_sky *sky, const scatteri_patch *all)
+{
+    double east = 0.0, north = 0.0, turn;
+    int x;
+    scatteri_project(sky, all);
+    for (x = 0; x < all->nx; x++) {
+        east += sky->column[x] * sky->east[x];
+        north += sky->column[x] * sky->north[x];
+    }
+    turn = atan2(east, north) / (2.0 * SCATTERI_PI); /* -1/2..1/2, 0 at the middle column */
+    return (int)(turn * all->nx + all->nx + 0.5) % all->nx;
+}
+
+/* The patch with the greatest energy of those that can be cut, or -1. */
+static int scatteri_greatest(const scatteri_patch *p, int count)
+{
+    int i, best = -1;
+    for (i = 0; i < count; i++)
+        if (!p[i].whole && p[i].energy > 0.0 && (best < 0 || p[i].energy > p[best].energy))
+            best = i;
+    return best;
+}
+
+/* Debevec's median cut: patches of the same energy. */
+static void scatteri_median_cut(scatteri_sky *sky, int count, scatter_light *lights)
+{
+    scatteri_patch patch[SCATTERI_LIGHTS] = {{0, 0, 0, 0, 0.0, 0}};
+    int n = 1, i, y;
+    patch[0].nx = sky->map.width;
+    patch[0].ny = sky->map.height;
+    patch[0].energy = 1.0;
+    patch[0].x0 = scatteri_seam(sky, &patch[0]);
+    while (n < count && (i = scatteri_greatest(patch, n)) >= 0) {
+        scatteri_cut_patch(sky, &patch[i], &patch[n]);
+        n += !patch[i].whole;
+    }
+    for (i = 0; i < count; i++) {
+        scatteri_part part;
+        memset(&part, 0, sizeof part);
+        for (y = 0; i < n && y < patch[i].ny; y++)
+            scatteri_add_span(sky, patch[i].y0 + y, patch[i].x0, patch[i].nx, &part);
+        lights[i] = scatteri_light_of(sky, &part);
+    }
+}
+
+/* --- k-means --- */
+
+static int scatteri_cell_size(int edge, int cells)
+{
+    return (edge - 1) / cells + 1;
+}
+
+static scatter_result scatteri_reserve_cells(scatteri_sky *sky)
+{
+    scatteri_cells *c = &sky->cells;
+    const int sx = scatteri_cell_size(sky->map.width, SCATTERI_CELLS_X);
+    const int sy = scatteri_cell_size(sky->map.height, SCATTERI_CELLS_Y);
+    const int columns = (sky->map.width - 1) / sx + 1, rows = (sky->map.height - 1) / sy + 1;
+    size_t n;
+    scatter_result result;
+    c->count = (columns * rows + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
+    n = (size_t)c->count;
+    result = scatteri_reserve(sky->host, &sky->memory, n * (7 * sizeof(float) + sizeof(int)),
+                              "the cells of an environment");
+    if (result != SCATTER_OK)
+        return result;
+    c->x = (float *)sky->memory.data;
+    c->y = c->x + n;
+    c->z = c->y + n;
+    c->best = c->z + n;
+    c->rgb = c->best + n;
+    c->owner = (int *)(c->rgb + 3 * n);
+    sky->columns = columns;
+    return SCATTER_OK;
+}
+
+/* The cells at the end, which fill up the last lanes, are dark. */
+static void scatteri_set_cell(const scatteri_sky *sky, int cell)
+{
+    const scatteri_cells *c = &sky->cells;
+    const int sx = scatteri_cell_size(sky->map.width, SCATTERI_CELLS_X);
+    const int sy = scatteri_cell_size(sky->map.height, SCATTERI_CELLS_Y);
+    const int x0 = cell % sky->columns * sx, y0 = cell / sky->columns * sy;
+    const int nx = sx < sky->map.width - x0 ? sx : sky->map.width - x0;
+    scatteri_part part;
+    int y;
+    memset(&part, 0, sizeof part);
+    for (y = y0; y < y0 + sy && y < sky->map.height; y++)
+        scatteri_add_span(sky, y, x0, nx, &part);
+    c->x[cell] = (float)part.moment[0];
+    c->y[cell] = (float)part.moment[1];
+    c->z[cell] = (float)part.moment[2];
+    for (y = 0; y < 3; y++)
+        c->rgb[3 * cell + y] = (float)part.rgb[y];
+}
+
+/* Directions of the lights so far. */
+typedef struct scatteri_centers {
+    int count;
+    float x[SCATTERI_LIGHTS], y[SCATTERI_LIGHTS], z[SCATTERI_LIGHTS];
+} scatteri_centers;
+
+/* The nearest centre of each cell: the one with the greatest product with the cell's moment. */
+SCATTERI_HOT static void scatteri_find_owners(const scatteri_cells *c,
+                                              const scatteri_centers *center)
+{
+    const float *SCATTERI_RESTRICT x = c->x, *SCATTERI_RESTRICT y = c->y,
+                                   *SCATTERI_RESTRICT z = c->z;
+    int cell, i, k;
+    for (cell = 0; cell < c->count; cell += SCATTERI_LANES) {
+        float best[SCATTERI_LANES];
+        int owner[SCATTERI_LANES];
+        for (i = 0; i < SCATTERI_LANES; i++) {
+            best[i] = -FLT_MAX;
+            owner[i] = 0;
+        }
+        for (k = 0; k < center->count; k++) {
+            const float cx = center->x[k], cy = center->y[k], cz = center->z[k];
+            for (i = 0; i < SCATTERI_LANES; i++) {
+                const float d = x[cell + i] * cx + y[cell + i] * cy + z[cell + i] * cz;
+                owner[i] = d > best[i] ? k : owner[i];
+                best[i] = d > best[i] ? d : best[i];
+            }
+        }
+        memcpy(c->best + cell, best, sizeof best);
+        memcpy(c->owner + cell, owner, sizeof owner);
+    }
+}
+
+/* A Lloyd step's second half: every centre moves to the centroid of its cells; those without light
+   go. */
+static void scatteri_move_centers(const scatteri_cells *c, scatteri_centers *center)
+{
+    double sum[SCATTERI_LIGHTS][3];
+    int i, k, n = 0;
+    memset(sum, 0, sizeof sum);
+    for (i = 0; i < c->count; i++) {
+        double *s = sum[c->owner[i]];
+        s[0] += c->x[i], s[1] += c->y[i], s[2] += c->z[i];
+    }
+    for (k = 0; k < center->count; k++) {
+        const double *s = sum[k], length = sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]);
+        if (!(length > 0.0))
+            continue;
+        center->x[n] = (float)(s[0] / length);
+        center->y[n] = (float)(s[1] / length);
+        center->z[n++] = (float)(s[2] / length);
+    }
+    center->count = n;
+}
+
+static void scatteri_relax(const scatteri_cells *c, scatteri_centers *center, int steps)
+{
+    while (steps-- > 0) {
+        scatteri_find_owners(c, center);
+        scatteri_move_centers(c, center);
+    }
+    scatteri_find_owners(c, center);
+}
+
+/* What a cell loses by its centre's direction: energy times 1 - cos. */
+static float scatteri_cell_loss(const scatteri_cells *c, int i)
+{
+    const float size = sqrtf(c->x[i] * c->x[i] + c->y[i] * c->y[i] + c->z[i] * c->z[i]);
+    const float loss = size - c->best[i];
+    return loss > 1e-5f * size ? loss : 0.0f;
+}
+
+static void scatteri_add_center(scatteri_centers *center, const scatteri_cells *c, int i)
+{
+    const double x = c->x[i], y = c->y[i], z = c->z[i], length = sqrt(x * x + y * y + z * z);
+    center->x[center->count] = (float)(x / length);
+    center->y[center->count] = (float)(y / length);
+    center->z[center->count++] = (float)(z / length);
+}
+
+/* In every centre's share the cell that loses most; then the worst of these become centres, too:
+   returns their number. */
+static int scatteri_insert(const scatteri_cells *c, scatteri_centers *center, int most)
+{
+    float loss[SCATTERI_LIGHTS] = {0};
+    int worst[SCATTERI_LIGHTS], i, k, n, first = center->count;
+    for (i = 0; i < c->count; i++) {
+        const float l = scatteri_cell_loss(c, i);
+        if (l > loss[c->owner[i]]) {
+            loss[c->owner[i]] = l;
+            worst[c->owner[i]] = i;
+        }
+    }
+    for (n = 0; n < most; n++) {
+        for (i = 0, k = 1; k < first; k++)
+            i = loss[k] > loss[i] ? k : i;
+        if (!(loss[i] > 0.0f))
+            break;
+        scatteri_add_center(center, c, worst[i]);
+        loss[i] = 0.0f;
+    }
+    return n;
+}
+
+static void scatteri_add_cell(const scatteri_cells *c, int i, scatteri_part *part)
+{
+    const double x = c->x[i], y = c->y[i], z = c->z[i];
+    int k;
+    for (k = 0; k < 3; k++)
+        part->rgb[k] += c->rgb[3 * i + k];
+    part->energy += sqrt(x * x + y * y + z * z);
+    part->moment[0] += x, part->moment[1] += y, part->moment[2] += z;
+}
+
+/* Kollig and Keller's way: lights are put where most is lost, at most one into each light's share at
+   a time, and relaxed by Lloyd steps, until there are enough. */
+static void scatteri_kmeans(scatteri_sky *sky, int count, scatter_light *lights)
+{
+    const scatteri_cells *c = &sky->cells;
+    scatteri_centers center = {1, {0.0f}, {1.0f}, {0.0f}};
+    scatteri_part part[SCATTERI_LIGHTS];
+    int i, k, rounds = SCATTERI_ROUNDS, missing;
+    memset(part, 0, sizeof part);
+    for (i = 0; i < c->count; i++)
+        scatteri_set_cell(sky, i);
+    scatteri_relax(c, &center, 1);
+    while ((missing = count - center.count) > 0 && rounds-- > 0 &&
+           scatteri_insert(c, &center, missing) > 0)
+        scatteri_relax(c, &center, SCATTERI_RELAX);
+    for (i = 0; i < c->count; i++)
+        scatteri_add_cell(c, i, &part[c->owner[i]]);
+    for (k = 0; k < count; k++)
+        lights[k] = scatteri_light_of(sky, &part[k]);
+}
+
+/* --- turning, looking up --- */
+
+/* Rodrigues: v turned about the unit vector k. */
+static scatter_vec3 scatteri_turn(scatter_vec3 v, const double k[3], double sine, double cosine)
+{
+    const double along = (1.0 - cosine) * (k[0] * v.x + k[1] * v.y + k[2] * v.z);
+    return scatteri_v3((float)(cosine * v.x + sine * (k[1] * v.z - k[2] * v.y) + along * k[0]),
+                       (float)(cosine * v.y + sine * (k[2] * v.x - k[0] * v.z) + along * k[1]),
+                       (float)(cosine * v.z + sine * (k[0] * v.y - k[1] * v.x) + along * k[2]));
+}
+
+/* Radiance at a place of the map, counted in texels from the middle of the first one; 0 <= y. */
+static scatter_vec3 scatteri_bilinear(const scatter_environment *map, double x, double y)
+{
+    const double left = floor(x), top = floor(y);
+    const int x0 = ((int)left + map->width) % map->width, x1 = (x0 + 1) % map->width;
+    const int y0 = (int)top, y1 = y0 + 1 < map->height ? y0 + 1 : y0;
+    const float *upper = map->rgb + 3 * (size_t)y0 * (size_t)map->width;
+    const float *lower = map->rgb + 3 * (size_t)y1 * (size_t)map->width;
+    const double u = x - left, v = y - top, scale = map->scale != 0.0f ? (double)map->scale : 1.0;
+    double c[3];
+    int i;
+    for (i = 0; i < 3; i++)
+        c[i] = scale * ((1.0 - v) * ((1.0 - u) * upper[3 * x0 + i] + u * upper[3 * x1 + i]) +
+                        v * ((1.0 - u) * lower[3 * x0 + i] + u * lower[3 * x1 + i]));
+    return scatteri_v3((float)c[0], (float)c[1], (float)c[2]);
 }
 
 /* ----------------------------------------------------------------------------------------- >>medium
@@ -5727,6 +6612,28 @@ static int scatteri_check_terms(const scatter_host *host, const scatter_medium *
     return 1;
 }
 
+static scatter_result scatteri_check_environment(const scatter_host *host,
+                                                 const scatter_environment *map)
+{
+    scatteri_where at = {NULL, "map", -1};
+    at.host = host;
+    if (map == NULL || map->rgb == NULL)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "map.rgb is NULL, it must hold width*height*3 floats");
+    if (map->width < 1 || map->height < 1)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "map.%s is %d, it must be at least 1",
+                             map->width < 1 ? "width" : "height",
+                             map->width < 1 ? map->width : map->height);
+    if (map->width > SCATTERI_MAP_EDGE || map->height > SCATTERI_MAP_EDGE ||
+        scatteri_bytes((size_t)map->width, (size_t)map->height, 3, sizeof(float)) == 0)
+        return scatteri_fail(host, SCATTER_TOO_LARGE,
+                             "map.width or map.height is more than %d, or width * height * 3 more "
+                             "than an int counts",
+                             SCATTERI_MAP_EDGE);
+    return scatteri_check(&at, ".scale", map->scale, 0.0f, 1e4f, "0..1e4") ? SCATTER_OK
+                                                                         : SCATTER_BAD_ARGUMENT;
+}
+
 static scatter_result scatteri_check_medium(const scatter_host *host, const scatter_medium *m)
 {
     scatteri_where at = {NULL, "medium", -1};
@@ -6538,6 +7445,87 @@ static scatter_source scatteri_unit_source(const scatter_source *source)
     if (s.directional)
         s.direction = scatteri_unit(s.direction);
     return s;
+}
+
+/* --- environments --- */
+
+static scatter_result scatteri_check_constellation(const scatter_host *host,
+                                                   const scatter_environment *map,
+                                                   scatter_constellation_method method, int count,
+                                                   const scatter_light *lights)
+{
+    const scatter_result result = scatteri_check_environment(host, map);
+    if (result != SCATTER_OK)
+        return result;
+    if ((int)method < 0 || (int)method > (int)SCATTER_CONSTELLATION_KMEANS)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "method is %d, it must be one of scatter_constellation_method",
+                             (int)method);
+    if (count < 1 || count > SCATTERI_LIGHTS)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT, "count is %d, it must be 1..256", count);
+    if (lights == NULL)
+        return scatteri_fail(host, SCATTER_BAD_ARGUMENT,
+                             "lights is NULL, it must have room for count lights");
+    return SCATTER_OK;
+}
+
+SCATTER_API scatter_result scatter_constellation(const scatter_host *host,
+                                                 const scatter_environment *map,
+                                                 scatter_constellation_method method, int count,
+                                                 scatter_light *lights)
+{
+    const scatter_host h = scatteri_host_or_default(host);
+    scatter_result result = scatteri_check_constellation(&h, map, method, count, lights);
+    scatteri_sky sky;
+    if (result != SCATTER_OK)
+        return result;
+    result = scatteri_open_sky(&sky, &h, map);
+    if (result == SCATTER_OK && method == SCATTER_CONSTELLATION_KMEANS)
+        result = scatteri_reserve_cells(&sky);
+    if (result == SCATTER_OK) {
+        const int suns = scatteri_take_suns(&sky, count, lights);
+        if (method == SCATTER_CONSTELLATION_KMEANS)
+            scatteri_kmeans(&sky, count - suns, lights + suns);
+        else
+            scatteri_median_cut(&sky, count - suns, lights + suns);
+    }
+    scatteri_close_sky(&sky);
+    return result;
+}
+
+SCATTER_API void scatter_turn_lights(const scatter_light *lights, size_t count, scatter_vec3 axis,
+                                     float angle, scatter_light *turned)
+{
+    const double x = axis.x, y = axis.y, z = axis.z, length = sqrt(x * x + y * y + z * z);
+    const double sine = length > 0.0 ? sin((double)angle) : 0.0;
+    const double cosine = length > 0.0 ? cos((double)angle) : 1.0;
+    double k[3] = {0.0, 0.0, 0.0};
+    size_t i;
+    if (length > 0.0)
+        k[0] = x / length, k[1] = y / length, k[2] = z / length;
+    for (i = 0; i < count; i++) {
+        scatter_light light = lights[i];
+        if (light.kind != SCATTER_LIGHT_POINT)
+            light.direction = scatteri_turn(light.direction, k, sine, cosine);
+        if (light.kind != SCATTER_LIGHT_DIRECTIONAL)
+            light.position = scatteri_turn(light.position, k, sine, cosine);
+        turned[i] = light;
+    }
+}
+
+SCATTER_API scatter_vec3 scatter_environment_radiance(const scatter_environment *map,
+                                                      scatter_vec3 direction)
+{
+    const double x = direction.x, y = direction.y, z = direction.z;
+    const double flat = sqrt(x * x + z * z);
+    double u, v;
+    if (!(flat + fabs(y) > 0.0))
+        return scatteri_v3(0.0f, 0.0f, 0.0f);
+    u = (atan2(x, -z) / (2.0 * SCATTERI_PI) + 0.5) * map->width - 0.5;
+    v = atan2(flat, y) / SCATTERI_PI * map->height - 0.5;
+    v = v < 0.0 ? 0.0 : v;
+    v = v > map->height - 1 ? map->height - 1 : v;
+    return scatteri_bilinear(map, u, v);
 }
 
 /* --- depth objects --- */
