@@ -1,9 +1,9 @@
 /* files.h - pictures and voxel grids on disk, for the programs of this project. MIT licence, see
    LICENSE.
 
-   Reads and writes PFM, writes PNG and Radiance HDR (through stb, Debian package libstb-dev), reads
-   dense `*_NXxNYxNZ_u8.raw` grids, `.nvdb` grids (through PNanoVDB.h, package libnanovdb-dev) and
-   `.vdb` grids by running `nanovdb_convert` (package libnanovdb-tools).
+   Reads and writes PFM and Radiance HDR, writes PNG (through stb, Debian package libstb-dev), reads
+   dense `*_NXxNYxNZ_u8.raw` and `*.vol.txt` grids, `.nvdb` grids (through PNanoVDB.h, package
+   libnanovdb-dev) and `.vdb` grids by running `nanovdb_convert` (package libnanovdb-tools).
 
    POSIX: compile with -D_POSIX_C_SOURCE=200809L or define it before the first #include.
 
@@ -239,16 +239,20 @@ static inline int file_is_space(char c) {
     return c == ' ' || c == '\t' || c == '\n' || c == '\r';
 }
 
+/* The next number behind blanks. */
+static inline int file_spaced_number(const char **at, const char *end, double *value) {
+    while (*at < end && file_is_space(**at))
+        ++*at;
+    return file_number(at, end, value);
+}
+
 /* "PF", width, height and scale, then exactly one blank; *at moves behind it. */
 static inline int file_pfm_header(const char **at, const char *end, double value[3]) {
     if (end - *at < 3 || memcmp(*at, "PF", 2) != 0)
         return 1;
     *at += 2;
     for (int i = 0; i < 3; i++) {
-        const char *before = *at;
-        while (*at < end && file_is_space(**at))
-            ++*at;
-        if (*at == before || file_number(at, end, &value[i]))
+        if (*at >= end || !file_is_space(**at) || file_spaced_number(at, end, &value[i]))
             return 1;
     }
     if (*at >= end || !file_is_space(**at))
@@ -311,6 +315,169 @@ static inline int file_pfm_read(const char *path, file_picture *out, file_error 
     if (file_read(path, SIZE_MAX, &data, &bytes, error))
         return 1;
     int failed = file_pfm_parse(data, bytes, path, out, error);
+    free(data);
+    return failed;
+}
+
+/* --------------------------------------------------------------------------------------- >>hdr */
+
+/* The line that *at stands at, without its end; *at moves behind that. 1: the text ends before. */
+static inline int file_line(const char **at, const char *end, const char **line, size_t *length) {
+    const char *newline = (const char *)memchr(*at, '\n', (size_t)(end - *at));
+    if (!newline)
+        return 1;
+    *line = *at;
+    *length = (size_t)(newline - *at);
+    *length -= *length > 0 && newline[-1] == '\r';
+    *at = newline + 1;
+    return 0;
+}
+
+/* Whether `line` begins with `key`; *at is then what stands behind it. */
+static inline int file_begins(const char *line, size_t length, const char *key, const char **at) {
+    size_t bytes = strlen(key);
+    *at = line + bytes;
+    return length >= bytes && memcmp(line, key, bytes) == 0;
+}
+
+/* Lines of a Radiance file up to the empty one: the format must be RGBE, pixels are radiance times
+   all exposures. */
+static inline int file_hdr_variables(const char **at, const char *end, double *exposure) {
+    const char *line, *value;
+    size_t length;
+    int known = 0;
+    *exposure = 1;
+    if (file_line(at, end, &line, &length) || !file_begins(line, length, "#?", &value))
+        return 1;
+    while (!file_line(at, end, &line, &length)) {
+        double factor = 0;
+        if (length == 0)
+            return !known || !(*exposure > 0 && *exposure <= 1e30);
+        if (file_begins(line, length, "FORMAT=", &value))
+            known = length == 22 && memcmp(value, "32-bit_rle_rgbe", 15) == 0;
+        if (file_begins(line, length, "EXPOSURE=", &value) &&
+            (file_spaced_number(&value, line + length, &factor) || !((*exposure *= factor) > 0)))
+            return 1;
+    }
+    return 1;
+}
+
+/* "-Y height +X width": rows from the top, pixels from the left. */
+static inline int file_hdr_size(const char **at, const char *end, double size[2]) {
+    const char *line, *p;
+    size_t length;
+    return file_line(at, end, &line, &length) || !file_begins(line, length, "-Y ", &p) ||
+           file_number(&p, line + length, &size[1]) ||
+           !file_begins(p, (size_t)(line + length - p), " +X ", &p) ||
+           file_number(&p, line + length, &size[0]) || p != line + length;
+}
+
+/* One of the four components of a row: a count above 128 stands before a byte that is there
+   count - 128 times, another count before that many bytes. */
+static inline int file_hdr_component(const char **at, const char *end, char *out, int width) {
+    for (int x = 0; x < width;) {
+        int count = *at < end ? (unsigned char)*(*at)++ : 0, repeated = count > 128;
+        count -= repeated ? 128 : 0;
+        if (count == 0 || count > width - x || end - *at < (repeated ? 1 : count))
+            return 1;
+        for (int i = 0; i < count; i++)
+            out[4 * x++] = (*at)[repeated ? 0 : i];
+        *at += repeated ? 1 : count;
+    }
+    return 0;
+}
+
+/* A row as RGBE: its components one behind the other, or else pixel by pixel. */
+static inline int file_hdr_row(const char **at, const char *end, char *rgbe, int width) {
+    const char *b = *at;
+    if (width < 8 || width > 32767 || end - b < 4 || b[0] != 2 || b[1] != 2 || b[2] < 0) {
+        if (end - b < 4 * (ptrdiff_t)width)
+            return 1;
+        memcpy(rgbe, b, 4 * (size_t)width);
+        *at += 4 * (ptrdiff_t)width;
+        return 0;
+    }
+    if (((unsigned char)b[2] << 8 | (unsigned char)b[3]) != width)
+        return 1;
+    *at += 4;
+    for (int c = 0; c < 4; c++)
+        if (file_hdr_component(at, end, rgbe + c, width))
+            return 1;
+    return 0;
+}
+
+/* Mantissas of 8 bits and their common exponent. 2^127 and more would not fit with an exposure. */
+static inline int file_hdr_pixel(const char *rgbe, double exposure, float *rgb) {
+    int exponent = (unsigned char)rgbe[3];
+    double scale = exponent ? ldexp(1 / exposure, exponent - 136) : 0;
+    for (int c = 0; c < 3; c++) {
+        double value = (unsigned char)rgbe[c] * scale;
+        if (!(value < 3e38))
+            return 1;
+        rgb[c] = (float)value;
+    }
+    return 0;
+}
+
+/* All rows, whose memory is there. */
+static inline int file_hdr_pixels(const char *at, const char *end, double exposure, char *rgbe,
+                                  file_picture *out) {
+    float *rgb = out->rgb;
+    for (int y = 0; y < out->height; y++) {
+        if (file_hdr_row(&at, end, rgbe, out->width))
+            return 1;
+        for (int x = 0; x < out->width; x++, rgb += 3)
+            if (file_hdr_pixel(rgbe + 4 * (size_t)x, exposure, rgb))
+                return 1;
+    }
+    return 0;
+}
+
+/* The least that so many pixels take: 127 equal bytes are two. So a short file cannot ask for much
+   memory. */
+static inline double file_hdr_least(double width, double height) {
+    return height * fmin(4 * width, 4 + 8 * ceil(width / 127));
+}
+
+/* From memory; `path` is for the sentence only. */
+static inline int file_hdr_parse(const char *data, size_t bytes, const char *path,
+                                 file_picture *out, file_error *error) {
+    const char *at = data, *end = data + bytes;
+    double size[2], exposure;
+    memset(out, 0, sizeof *out);
+    if (file_hdr_variables(&at, end, &exposure))
+        return file_fail(error, path,
+                         "expected a Radiance header: #?RADIANCE, FORMAT=32-bit_rle_rgbe, an empty "
+                         "line");
+    if (file_hdr_size(&at, end, size) || !file_is_size(size[0]) || !file_is_size(size[1]))
+        return file_fail(error, path, "expected a size: -Y height +X width, each 1 to 1048576");
+    if (file_hdr_least(size[0], size[1]) > (double)(end - at))
+        return file_fail(error, path, "the file is truncated");
+    out->width = (int)size[0];
+    out->height = (int)size[1];
+    out->rgb = (float *)malloc((size_t)(size[0] * size[1]) * 3 * sizeof(float));
+    char *rgbe = (char *)malloc((size_t)size[0] * 4);
+    int failed = !out->rgb || !rgbe ? file_fail(error, path, "out of memory") : 0;
+    if (!failed && file_hdr_pixels(at, end, exposure, rgbe, out))
+        failed = file_fail(error, path, "the file is truncated or damaged");
+    free(rgbe);
+    if (failed) {
+        free(out->rgb);
+        memset(out, 0, sizeof *out);
+    }
+    return failed;
+}
+
+/* Radiance picture: linear RGB, plain or run-length coded. */
+static inline int file_hdr_read(const char *path, file_picture *out, file_error *error) {
+    char *data;
+    size_t bytes;
+    memset(out, 0, sizeof *out);
+    if (!file_ends_with(path, ".hdr"))
+        return file_fail(error, path, "expected a file name ending in .hdr");
+    if (file_read(path, SIZE_MAX, &data, &bytes, error))
+        return 1;
+    int failed = file_hdr_parse(data, bytes, path, out, error);
     free(data);
     return failed;
 }
@@ -450,6 +617,54 @@ static inline int file_raw_read(const char *path, file_grid *out, file_error *er
     free(data);
     if (failed)
         file_grid_free(out);
+    return failed;
+}
+
+/* --------------------------------------------------------------------------------------- >>vol */
+
+/* All voxels, and nothing behind them. */
+static inline int file_vol_voxels(const char *at, const char *end, file_grid *out) {
+    size_t count = (size_t)out->nx * (size_t)out->ny * (size_t)out->nz;
+    for (size_t i = 0; i < count; i++) {
+        double value;
+        if (file_spaced_number(&at, end, &value) || !(value >= 0 && value <= 3e38))
+            return 1;
+        out->density[i] = (float)value;
+    }
+    while (at < end && file_is_space(*at))
+        at++;
+    return at < end;
+}
+
+/* From memory; `path` is for the sentence only. */
+static inline int file_vol_parse(const char *data, size_t bytes, const char *path, file_grid *out,
+                                 file_error *error) {
+    const char *at = data, *end = data + bytes;
+    double n[3];
+    memset(out, 0, sizeof *out);
+    for (int i = 0; i < 3; i++)
+        if (file_spaced_number(&at, end, &n[i]) || !file_is_size(n[i]))
+            return file_fail(error, path, "expected three sizes of 1 to 1048576 first");
+    if (2 * n[0] * n[1] * n[2] > (double)(end - at)) /* a blank and a digit each */
+        return file_fail(error, path, "expected %.0f densities, found less", n[0] * n[1] * n[2]);
+    if (file_grid_allocate(out, n[0], n[1], n[2], path, error))
+        return 1;
+    if (!file_vol_voxels(at, end, out))
+        return 0;
+    file_grid_free(out);
+    return file_fail(error, path, "expected %.0f densities >= 0 and nothing behind",
+                     n[0] * n[1] * n[2]);
+}
+
+/* Text: three sizes, then the densities, x fastest. */
+static inline int file_vol_read(const char *path, file_grid *out, file_error *error) {
+    char *data;
+    size_t bytes;
+    memset(out, 0, sizeof *out);
+    if (file_read(path, SIZE_MAX, &data, &bytes, error))
+        return 1;
+    int failed = file_vol_parse(data, bytes, path, out, error);
+    free(data);
     return failed;
 }
 
@@ -765,17 +980,19 @@ static inline int file_vdb_read(const char *path, file_grid *out, file_error *er
 
 /* ------------------------------------------------------------------------------------- >>grids */
 
-/* By the ending of the name: .raw, .nvdb or .vdb. Sparse grids become dense over the bounding box
+/* By the ending of the name: .raw, .vol.txt, .nvdb or .vdb. Sparse grids become dense over the bounding box
    of their active voxels. */
 static inline int file_grid_read(const char *path, file_grid *out, file_error *error) {
     memset(out, 0, sizeof *out);
     if (file_ends_with(path, ".raw"))
         return file_raw_read(path, out, error);
+    if (file_ends_with(path, ".vol.txt"))
+        return file_vol_read(path, out, error);
     if (file_ends_with(path, ".nvdb"))
         return file_nvdb_read(path, out, error);
     if (file_ends_with(path, ".vdb"))
         return file_vdb_read(path, out, error);
-    return file_fail(error, path, "expected a file name ending in .raw, .nvdb or .vdb");
+    return file_fail(error, path, "expected a file name ending in .raw, .vol.txt, .nvdb or .vdb");
 }
 
 #endif

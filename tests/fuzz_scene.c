@@ -1,5 +1,5 @@
-/* fuzz_scene.c - libFuzzer target: scene files, PFM pictures and NanoVDB grids from memory. MIT
-   licence, see LICENSE. No file is opened: a scene without a path refuses grids. */
+/* fuzz_scene.c - libFuzzer target: scene files, PFM and HDR pictures, grids from memory. MIT
+   licence, see LICENSE. No file is opened: a scene without a path refuses grids and skies. */
 #define _POSIX_C_SOURCE 200809L
 #define SCATTER_IMPLEMENTATION
 #include "../scatter.h"
@@ -35,18 +35,24 @@ static void fuzz_text(const char *text, size_t bytes) {
     scene_free(&file);
 }
 
-static void fuzz_picture(const char *data, size_t bytes) {
+typedef int (*picture_parser)(const char *data, size_t bytes, const char *path, file_picture *out,
+                              file_error *error);
+
+static void fuzz_picture(picture_parser parse, const char *data, size_t bytes) {
     file_picture picture;
     file_error error;
-    if (file_pfm_parse(data, bytes, "picture", &picture, &error) == 0)
+    if (parse(data, bytes, "picture", &picture, &error) == 0)
         demand(picture.width >= 1 && picture.height >= 1 && isfinite(picture.rgb[0]));
     free(picture.rgb);
 }
 
-static void fuzz_grid(const char *data, size_t bytes) {
+typedef int (*grid_parser)(const char *data, size_t bytes, const char *path, file_grid *out,
+                           file_error *error);
+
+static void fuzz_grid(grid_parser parse, const char *data, size_t bytes) {
     file_grid grid;
     file_error error;
-    if (file_nvdb_parse(data, bytes, "grid", &grid, &error) == 0)
+    if (parse(data, bytes, "grid", &grid, &error) == 0)
         demand(grid.nx >= 1 && grid.ny >= 1 && grid.nz >= 1 && isfinite(grid.density[0]));
     file_grid_free(&grid);
 }
@@ -56,9 +62,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes) {
     const char *text = (const char *)data;
     file_error error;
     if (bytes >= 2 && memcmp(text, "PF", 2) == 0)
-        fuzz_picture(text, bytes);
+        fuzz_picture(file_pfm_parse, text, bytes);
+    else if (bytes >= 2 && memcmp(text, "#?", 2) == 0)
+        fuzz_picture(file_hdr_parse, text, bytes);
     else if (bytes >= 8 && memcmp(text, "NanoVDB0", 8) == 0)
-        fuzz_grid(text, bytes);
+        fuzz_grid(file_nvdb_parse, text, bytes);
+    else if (bytes >= 1 && *text >= '0' && *text <= '9') /* no directive begins so */
+        fuzz_grid(file_vol_parse, text, bytes);
     else if (bytes >= 4 && memcmp(text, " BDV", 4) == 0)
         (void)file_vdb_check(text, bytes, "grid", &error);
     else
