@@ -582,12 +582,14 @@ typedef struct scatteri_gl_texture {
     int format, width, height, depth; /* internal format; depth 0: 2D */
 } scatteri_gl_texture;
 
+typedef uint64_t scatteri_gl_features; /* a set of SCATTERI_GL_HAS(...) */
+
 /* What decides about a program's text. */
 typedef struct scatteri_gl_key {
-    int pass;          /* index into scatteri_gl_passes */
-    unsigned features; /* SCATTERI_GL_HAS_... */
-    int slices;        /* layers that it fills at once */
-    int count;         /* of Gaussians, where loops over them have that many turns; 0: any number */
+    int pass; /* index into scatteri_gl_passes */
+    scatteri_gl_features features;
+    int slices; /* layers that it fills at once */
+    int count;  /* of Gaussians, where loops over them have that many turns; 0: any number */
 } scatteri_gl_key;
 
 typedef struct scatteri_gl_program {
@@ -650,7 +652,8 @@ struct scatter_gl {
     scatteri_gl_texture reduced[2];           /* L and T at reduced resolution */
     scatteri_gl_texture froxels, froxel_running[2];
     char *surface_text;
-    unsigned surface_features, surface_buffer;
+    scatteri_gl_features surface_features;
+    unsigned surface_buffer;
     scatteri_gl_surface_block surface_block;
     const scatteri_gl_texture *density;       /* the field that is read: a grid's, or `field` */
     int injected_version;                     /* of the medium in `field` */
@@ -2780,11 +2783,10 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
     F(SHOW)          /* one of scatter_gl_show instead of the picture */
 
 #define SCATTERI_GL_FEATURE_INDEX(name) SCATTERI_GL_INDEX_##name,
-#define SCATTERI_GL_FEATURE_BIT(name) SCATTERI_GL_HAS_##name = 1 << SCATTERI_GL_INDEX_##name,
 #define SCATTERI_GL_FEATURE_NAME(name) #name,
 
 enum { SCATTERI_GL_FEATURES(SCATTERI_GL_FEATURE_INDEX) SCATTERI_GL_FEATURE_COUNT };
-enum { SCATTERI_GL_FEATURES(SCATTERI_GL_FEATURE_BIT) SCATTERI_GL_HAS_NOTHING = 0 };
+#define SCATTERI_GL_HAS(name) ((scatteri_gl_features)1 << SCATTERI_GL_INDEX_##name)
 
 static const char *const scatteri_gl_feature_names[] = {
     SCATTERI_GL_FEATURES(SCATTERI_GL_FEATURE_NAME)};
@@ -2792,7 +2794,7 @@ static const char *const scatteri_gl_feature_names[] = {
 /* The passes: which chapters make up their two shaders, in order. */
 typedef struct scatteri_gl_pass {
     const char *name, *vertex, *fragment;
-    unsigned knows; /* features that its text depends on */
+    scatteri_gl_features knows; /* features that its text depends on */
 } scatteri_gl_pass;
 
 enum {
@@ -2814,29 +2816,30 @@ enum {
                       "visible depth_to scattering nodes every_light "
 
 static const scatteri_gl_pass scatteri_gl_passes[] = {
-    {"view", "prelude whole", SCATTERI_GL_RAYS "panels pieces cuts smooth ray march view", ~0u},
+    {"view", "prelude whole", SCATTERI_GL_RAYS "panels pieces cuts smooth ray march view",
+     ~(scatteri_gl_features)0},
     {"froxels", "prelude whole", SCATTERI_GL_RAYS "froxels froxels_main",
-     ~(unsigned)(SCATTERI_GL_HAS_SHOW | SCATTERI_GL_HAS_TRANSMITTANCE | SCATTERI_GL_HAS_MARCH)},
-    {"upsample", "prelude whole", "prelude vector blocks density camera upsample", 0u},
+     ~(SCATTERI_GL_HAS(SHOW) | SCATTERI_GL_HAS(TRANSMITTANCE) | SCATTERI_GL_HAS(MARCH))},
+    {"upsample", "prelude whole", "prelude vector blocks density camera upsample", 0},
     {"inject", "prelude whole", "prelude blocks table density cells slices inject",
-     SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FIELD},
+     SCATTERI_GL_HAS(GAUSSIANS) | SCATTERI_GL_HAS(FIELD)},
     {"splat", "prelude blocks table cells quad", "prelude blocks cells slices splat", 0},
     {"closed", "prelude whole",
      "prelude vector erf span quick blocks table gaussians density cells facing slices closed",
-     SCATTERI_GL_HAS_BOUNDED},
+     SCATTERI_GL_HAS(BOUNDED)},
     {"polar", "prelude whole",
      "prelude vector erf span quick maps blocks table density columns slices sums polar",
-     SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FIELD | SCATTERI_GL_HAS_BOUNDED},
+     SCATTERI_GL_HAS(GAUSSIANS) | SCATTERI_GL_HAS(FIELD) | SCATTERI_GL_HAS(BOUNDED)},
     {"wave", "prelude blocks waves wave_quad", "prelude blocks waves cells wave", 0},
     {"merge", "prelude whole", "prelude blocks waves slices merge", 0},
 };
 
 static const struct {
     const char *chapter;
-    unsigned features;
+    scatteri_gl_features features;
 } scatteri_gl_needed[] = {
-    {"phase", SCATTERI_GL_HAS_ONE_LOBE | SCATTERI_GL_HAS_TWO_LOBES},
-    {"tone", SCATTERI_GL_HAS_SPOT},
+    {"phase", SCATTERI_GL_HAS(ONE_LOBE) | SCATTERI_GL_HAS(TWO_LOBES)},
+    {"tone", SCATTERI_GL_HAS(SPOT)},
 };
 
 /* A text in parts. */
@@ -2868,7 +2871,7 @@ static void scatteri_gl_say(char *text, size_t room, const char *format, ...)
 }
 
 /* A chapter that only some scenes need, and the features that call for it. */
-static int scatteri_gl_needs(const char *chapter, unsigned features)
+static int scatteri_gl_needs(const char *chapter, scatteri_gl_features features)
 {
     size_t i;
     for (i = 0; i < sizeof scatteri_gl_needed / sizeof *scatteri_gl_needed; i++)
@@ -2891,7 +2894,7 @@ static void scatteri_gl_assemble(const char *version, scatteri_gl_key key, const
     scatteri_gl_say(source->head, sizeof source->head, "#define SCATTERI_COUNT %s%.0d\n",
                     key.count > 0 ? "" : "int(scatteri_counts.x)", key.count);
     for (i = 0; i < (int)SCATTERI_GL_FEATURE_COUNT; i++)
-        if (key.features >> i & 1u)
+        if (key.features >> i & 1)
             scatteri_gl_say(source->head, sizeof source->head, "#define SCATTERI_%s\n",
                             scatteri_gl_feature_names[i]);
     source->count = 0;
@@ -3562,15 +3565,15 @@ static int scatteri_gl_few_rows(const scatter_gl *f)
 }
 
 /* The program of a pass becomes current. */
-static scatter_result scatteri_gl_use(scatter_gl *f, int pass, unsigned features, int slices,
-                                      const scatteri_gl_program **out)
+static scatter_result scatteri_gl_use(scatter_gl *f, int pass, scatteri_gl_features features,
+                                      int slices, const scatteri_gl_program **out)
 {
     scatteri_gl_key key;
     scatter_result result;
     key.pass = pass;
     key.features = features & scatteri_gl_passes[pass].knows;
     key.slices = slices;
-    key.count = (key.features & SCATTERI_GL_HAS_FEW_THIN) != 0 ? scatteri_gl_few_rows(f) : 0;
+    key.count = (key.features & SCATTERI_GL_HAS(FEW_THIN)) != 0 ? scatteri_gl_few_rows(f) : 0;
     result = scatteri_gl_find_program(f, key, out);
     if (result == SCATTER_OK)
         f->gl.UseProgram((*out)->name);
@@ -3803,7 +3806,7 @@ static scatter_result scatteri_gl_fill_volume(scatter_gl *f, const scatteri_gl_p
 }
 
 /* The same with the program of a pass. */
-static scatter_result scatteri_gl_run_pass(scatter_gl *f, int pass, unsigned features,
+static scatter_result scatteri_gl_run_pass(scatter_gl *f, int pass, scatteri_gl_features features,
                                            const scatteri_gl_texture *volume, int quads)
 {
     const scatteri_gl_program *program;
@@ -3827,8 +3830,8 @@ static void scatteri_gl_read_grid(scatter_gl *f, int grid)
 static scatter_result scatteri_gl_inject_by(scatter_gl *f, int quads)
 {
     const int count = f->medium.gaussians.count, grids = (int)f->medium.desc.grid_count;
-    const unsigned field = grids > 0 ? (unsigned)SCATTERI_GL_HAS_FIELD : 0u;
-    const unsigned gather = count > 0 && !quads ? (unsigned)SCATTERI_GL_HAS_GAUSSIANS : 0u;
+    const scatteri_gl_features field = grids > 0 ? SCATTERI_GL_HAS(FIELD) : 0;
+    const scatteri_gl_features gather = count > 0 && !quads ? SCATTERI_GL_HAS(GAUSSIANS) : 0;
     scatter_result result;
     int i;
     f->density = NULL;
@@ -3884,9 +3887,9 @@ static scatter_result scatteri_gl_inject(scatter_gl *f)
 /* Shells of the columns around each source, each cell once. Gaussians in closed form; what a field adds from shell to
    shell goes from pass to pass as a running sum. */
 static scatter_result scatteri_gl_sum_columns(scatter_gl *f, const scatteri_gl_texture *volume,
-                                              unsigned features)
+                                              scatteri_gl_features features)
 {
-    const int sums = (features & SCATTERI_GL_HAS_FIELD) != 0;
+    const int sums = (features & SCATTERI_GL_HAS(FIELD)) != 0;
     const int shells = scatteri_clamp_int(f->draw_buffers - sums, 1, SCATTERI_GL_SLICES);
     const scatteri_gl_program *program = NULL;
     scatteri_gl_layer layers[SCATTERI_GL_MOST_BUFFERS];
@@ -3983,7 +3986,7 @@ static scatter_result scatteri_gl_sweep(scatter_gl *f, const scatteri_gl_texture
 
 /* --- depth --- */
 
-static unsigned scatteri_gl_medium_features(const scatter_gl *f);
+static scatteri_gl_features scatteri_gl_medium_features(const scatter_gl *f);
 
 /* Gaussians up to which columns take them one by one, wherever density comes from: most are found not to reach a column
    by one comparison. */
@@ -3995,15 +3998,15 @@ static int scatteri_gl_columns_exact(const scatter_gl *f)
     return f->medium.desc.grid_count <= 1 && f->medium.gaussians.count <= (int)SCATTERI_GL_MANY;
 }
 
-static unsigned scatteri_gl_column_features(const scatter_gl *f)
+static scatteri_gl_features scatteri_gl_column_features(const scatter_gl *f)
 {
-    const unsigned terms = (unsigned)(SCATTERI_GL_HAS_GAUSSIANS | SCATTERI_GL_HAS_FIELD);
-    unsigned features = scatteri_gl_medium_features(f);
+    const scatteri_gl_features terms = SCATTERI_GL_HAS(GAUSSIANS) | SCATTERI_GL_HAS(FIELD);
+    scatteri_gl_features features = scatteri_gl_medium_features(f);
     if (!scatteri_gl_columns_exact(f))
         return features;
     features &= ~terms;
-    features |= f->medium.gaussians.count > 0 ? (unsigned)SCATTERI_GL_HAS_GAUSSIANS : 0u;
-    return features | (f->medium.desc.grid_count > 0 ? (unsigned)SCATTERI_GL_HAS_FIELD : 0u);
+    features |= f->medium.gaussians.count > 0 ? SCATTERI_GL_HAS(GAUSSIANS) : 0;
+    return features | (f->medium.desc.grid_count > 0 ? SCATTERI_GL_HAS(FIELD) : 0);
 }
 
 static scatter_result scatteri_gl_propagate_columns(scatter_gl *f,
@@ -4039,39 +4042,39 @@ static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch)
 
 /* ----------------------------------------------------------------------------------------- >>update */
 
-static unsigned scatteri_gl_medium_features(const scatter_gl *f)
+static scatteri_gl_features scatteri_gl_medium_features(const scatter_gl *f)
 {
     const scatteri_medium *m = &f->medium;
     const scatter_vec3 e = m->desc.emission;
-    unsigned features = 0;
+    scatteri_gl_features features = 0;
     if (f->quality.density == SCATTER_DENSITY_EXACT && m->gaussians.count > 0)
-        features |= SCATTERI_GL_HAS_GAUSSIANS;
+        features |= SCATTERI_GL_HAS(GAUSSIANS);
     if (scatteri_gl_few_and_thin(f))
-        features |= SCATTERI_GL_HAS_FEW_THIN;
+        features |= SCATTERI_GL_HAS(FEW_THIN);
     if (f->density != NULL)
-        features |= SCATTERI_GL_HAS_FIELD;
+        features |= SCATTERI_GL_HAS(FIELD);
     if (m->has_analytic)
-        features |= SCATTERI_GL_HAS_FOG;
+        features |= SCATTERI_GL_HAS(FOG);
     if (m->desc.bounded)
-        features |= SCATTERI_GL_HAS_BOUNDED;
+        features |= SCATTERI_GL_HAS(BOUNDED);
     if (!m->gray)
-        features |= SCATTERI_GL_HAS_COLORED;
+        features |= SCATTERI_GL_HAS(COLORED);
     if (e.x > 0.0f || e.y > 0.0f || e.z > 0.0f)
-        features |= SCATTERI_GL_HAS_EMISSION;
+        features |= SCATTERI_GL_HAS(EMISSION);
     if (m->lobes.weight > 0.0f)
-        features |= SCATTERI_GL_HAS_TWO_LOBES;
+        features |= SCATTERI_GL_HAS(TWO_LOBES);
     else if (m->lobes.g1 > 0.0f || m->lobes.alpha1 > 0.0f)
-        features |= SCATTERI_GL_HAS_ONE_LOBE;
+        features |= SCATTERI_GL_HAS(ONE_LOBE);
     if (f->quality.ray == SCATTER_RAY_MARCH)
-        features |= SCATTERI_GL_HAS_MARCH;
+        features |= SCATTERI_GL_HAS(MARCH);
     if (m->gaussians.count > 0 && f->quality.depth == SCATTER_DEPTH_CLOSED)
-        features |= SCATTERI_GL_HAS_CLOSED;
+        features |= SCATTERI_GL_HAS(CLOSED);
     if (m->has_local && f->quality.depth == SCATTER_DEPTH_POLAR)
-        features |= SCATTERI_GL_HAS_POLAR;
+        features |= SCATTERI_GL_HAS(POLAR);
     else if (m->has_local && f->quality.depth != SCATTER_DEPTH_CLOSED)
-        features |= SCATTERI_GL_HAS_CELLS;
-    if (f->has_eye && (features & SCATTERI_GL_HAS_CELLS) != 0)
-        features |= SCATTERI_GL_HAS_EYE;
+        features |= SCATTERI_GL_HAS(CELLS);
+    if (f->has_eye && (features & SCATTERI_GL_HAS(CELLS)) != 0)
+        features |= SCATTERI_GL_HAS(EYE);
     return features;
 }
 
@@ -4089,20 +4092,20 @@ static scatteri_gl_lamp *scatteri_gl_source_in(scatter_gl *f, int batch, int cha
     return i < f->lamp_count ? &f->lamps[i] : NULL;
 }
 
-static unsigned scatteri_gl_lamp_features(const scatteri_gl_lamp *lamp, int channel)
+static scatteri_gl_features scatteri_gl_lamp_features(const scatteri_gl_lamp *lamp, int channel)
 {
-    static const unsigned kinds[] = {0, SCATTERI_GL_HAS_SPOT, SCATTERI_GL_HAS_DIRECTIONAL};
-    unsigned features = kinds[lamp->desc.light.kind];
+    static const scatteri_gl_features kinds[] = {0, SCATTERI_GL_HAS(SPOT),
+                                                 SCATTERI_GL_HAS(DIRECTIONAL)};
+    scatteri_gl_features features = kinds[lamp->desc.light.kind];
     if (lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE)
-        features |= (unsigned)SCATTERI_GL_HAS_SHADOW_2D_0
-                    << (3 * channel + (int)lamp->desc.shadow.kind - 1);
+        features |= SCATTERI_GL_HAS(SHADOW_2D_0) << (3 * channel + (int)lamp->desc.shadow.kind - 1);
     return features;
 }
 
 /* Kinds of the lights of a batch, and of their shadows. */
-static unsigned scatteri_gl_batch_features(scatter_gl *f, int batch)
+static scatteri_gl_features scatteri_gl_batch_features(scatter_gl *f, int batch)
 {
-    unsigned features = 0;
+    scatteri_gl_features features = 0;
     int channel;
     for (channel = f->has_eye; channel < (int)SCATTERI_GL_BATCH; channel++) {
         const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
@@ -4589,11 +4592,12 @@ static void scatteri_gl_bind_batch(scatter_gl *f, int batch)
 }
 
 /* Draws T of the rays, times what is there, or in its place. */
-static scatter_result scatteri_gl_draw_transmittance(scatter_gl *f, unsigned features, int over)
+static scatter_result scatteri_gl_draw_transmittance(scatter_gl *f, scatteri_gl_features features,
+                                                     int over)
 {
     const scatteri_gl_program *program;
     const scatter_result result = scatteri_gl_use(
-        f, SCATTERI_GL_PASS_VIEW, features | SCATTERI_GL_HAS_TRANSMITTANCE, 1, &program);
+        f, SCATTERI_GL_PASS_VIEW, features | SCATTERI_GL_HAS(TRANSMITTANCE), 1, &program);
     if (result != SCATTER_OK)
         return result;
     f->gl.Disable(SCATTERI_GL_BLEND);
@@ -4615,8 +4619,8 @@ static void scatteri_gl_show_light_of(scatter_gl *f, int batch)
 
 /* Draws L and 1 - T of the rays: added to, over or in the place of what is there. The lights of further batches are
    added. */
-static scatter_result scatteri_gl_draw_radiance(scatter_gl *f, unsigned features, int over,
-                                                int target)
+static scatter_result scatteri_gl_draw_radiance(scatter_gl *f, scatteri_gl_features features,
+                                                int over, int target)
 {
     const scatteri_gl_program *program;
     scatter_result result = SCATTER_OK;
@@ -4625,9 +4629,9 @@ static scatter_result scatteri_gl_draw_radiance(scatter_gl *f, unsigned features
     if (over)
         scatteri_gl_blend(f, SCATTERI_GL_ONE, target, SCATTERI_GL_ONE, target);
     for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
-        const unsigned more = batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u;
+        const scatteri_gl_features more = batch > 0 ? SCATTERI_GL_HAS(MORE) : 0;
         scatteri_gl_bind_batch(f, batch);
-        if ((features & SCATTERI_GL_HAS_SHOW) != 0)
+        if ((features & SCATTERI_GL_HAS(SHOW)) != 0)
             scatteri_gl_show_light_of(f, batch);
         result =
             scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
@@ -4648,14 +4652,14 @@ static void scatteri_gl_target_host(scatter_gl *f, const scatter_gl_view *v)
 
 /* Every pixel: straight into the host's picture. */
 static scatter_result scatteri_gl_draw_whole(scatter_gl *f, const scatter_gl_view *v,
-                                             unsigned features)
+                                             scatteri_gl_features features)
 {
-    const int colored = (features & SCATTERI_GL_HAS_COLORED) != 0;
+    const int colored = (features & SCATTERI_GL_HAS(COLORED)) != 0;
     scatter_result result = SCATTER_OK;
     scatteri_gl_send_view(f, v, 1);
     scatteri_gl_target_host(f, v);
     if (v->show != SCATTER_GL_SHOW_FOG)
-        return scatteri_gl_draw_radiance(f, features | SCATTERI_GL_HAS_SHOW, 0, SCATTERI_GL_ZERO);
+        return scatteri_gl_draw_radiance(f, features | SCATTERI_GL_HAS(SHOW), 0, SCATTERI_GL_ZERO);
     if (colored)
         result = scatteri_gl_draw_transmittance(f, features, 1);
     if (result == SCATTER_OK)
@@ -4728,11 +4732,11 @@ static scatter_result scatteri_gl_compose_reduced(scatter_gl *f, const scatter_g
 }
 
 static scatter_result scatteri_gl_draw_reduced(scatter_gl *f, const scatter_gl_view *v,
-                                               unsigned features)
+                                               scatteri_gl_features features)
 {
     const int width = scatteri_gl_reduced_size(v->width, v->divide);
     const int height = scatteri_gl_reduced_size(v->height, v->divide);
-    const int colored = (features & SCATTERI_GL_HAS_COLORED) != 0;
+    const int colored = (features & SCATTERI_GL_HAS(COLORED)) != 0;
     scatter_result result = scatteri_gl_reserve_reduced(f, width, height, colored);
     scatteri_gl_send_view(f, v, v->divide);
     if (result == SCATTER_OK && colored) {
@@ -4870,9 +4874,9 @@ static scatter_result scatteri_gl_fill_slices(scatter_gl *f, const scatteri_gl_p
 
 static scatter_result scatteri_gl_fill_batch(scatter_gl *f, int batch)
 {
-    const unsigned features = scatteri_gl_medium_features(f) |
-                              scatteri_gl_batch_features(f, batch) |
-                              (batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u);
+    const scatteri_gl_features features = scatteri_gl_medium_features(f) |
+                                          scatteri_gl_batch_features(f, batch) |
+                                          (batch > 0 ? SCATTERI_GL_HAS(MORE) : 0);
     const int at_once = f->draw_buffers - 1;
     const scatteri_gl_program *program;
     scatter_result result = SCATTER_OK;
@@ -5011,10 +5015,9 @@ SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
     key.pass = 0;
     key.slices = 0;
     key.count = 0;
-    key.features =
-        scatteri_gl_medium_features(f) &
-        (unsigned)(SCATTERI_GL_HAS_CLOSED | SCATTERI_GL_HAS_FOG | SCATTERI_GL_HAS_BOUNDED |
-                   SCATTERI_GL_HAS_CELLS | SCATTERI_GL_HAS_POLAR);
+    key.features = scatteri_gl_medium_features(f) &
+                   (SCATTERI_GL_HAS(CLOSED) | SCATTERI_GL_HAS(FOG) | SCATTERI_GL_HAS(BOUNDED) |
+                    SCATTERI_GL_HAS(CELLS) | SCATTERI_GL_HAS(POLAR));
     if (f->surface_text != NULL && f->surface_features == key.features)
         return f->surface_text;
     scatteri_gl_assemble(NULL, key, scatteri_gl_surface_chapters, &source);
@@ -5094,7 +5097,7 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quali
 {
     scatteri_gl_state state;
     scatter_result result = scatter_gl_update(f, quality, NULL);
-    unsigned features, more;
+    scatteri_gl_features features, more;
     const scatteri_gl_program *program;
     int batch;
     if (result == SCATTER_OK && view != NULL)
@@ -5106,12 +5109,12 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quali
     features = scatteri_gl_medium_features(f);
     scatteri_gl_save(f, &state);
     if (view->show != SCATTER_GL_SHOW_FOG)
-        features |= SCATTERI_GL_HAS_SHOW;
-    else if ((features & SCATTERI_GL_HAS_COLORED) != 0)
-        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW, features | SCATTERI_GL_HAS_TRANSMITTANCE,
-                                 1, &program);
+        features |= SCATTERI_GL_HAS(SHOW);
+    else if ((features & SCATTERI_GL_HAS(COLORED)) != 0)
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
+                                 features | SCATTERI_GL_HAS(TRANSMITTANCE), 1, &program);
     for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
-        more = batch > 0 ? (unsigned)SCATTERI_GL_HAS_MORE : 0u;
+        more = batch > 0 ? SCATTERI_GL_HAS(MORE) : 0;
         result =
             scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
                             features | more | scatteri_gl_batch_features(f, batch), 1, &program);
@@ -5700,7 +5703,7 @@ static int scatteri_gl_add_word(scatteri_gl_key *key, const char *word)
     }
     for (i = 0; i < (int)SCATTERI_GL_FEATURE_COUNT; i++)
         if (strcmp(word, scatteri_gl_feature_names[i]) == 0) {
-            key->features |= 1u << i;
+            key->features |= (scatteri_gl_features)1 << i;
             return 1;
         }
     return 0;

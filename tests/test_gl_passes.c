@@ -575,7 +575,7 @@ static const char read_closed[] =
     "}\n";
 
 /* A program of the library's chapters and a main of ours. */
-static unsigned reading_program(scatter_gl *fog, unsigned features, const char *what) {
+static unsigned reading_program(scatter_gl *fog, scatteri_gl_features features, const char *what) {
     static const char chapters[] =
         "prelude vector erf span quick integrals maps blocks table gaussians density "
         "one_volume volume facing";
@@ -607,7 +607,7 @@ static unsigned reading_program(scatter_gl *fog, unsigned features, const char *
 
 /* Depth of four sources at all points, by what the view reads. */
 static float *read_points(gl_rig *rig, scatter_gl *fog, const char *what) {
-    const unsigned features = scatteri_gl_medium_features(fog);
+    const scatteri_gl_features features = scatteri_gl_medium_features(fog);
     const unsigned program = reading_program(fog, features, what);
     const gl_functions *gl = &rig->host.gl;
     scatteri_gl_texture picture;
