@@ -69,6 +69,8 @@
       scatter_light_transmittance(i, world), call scatter_gl_bind_surface before drawing. When that text changes (the
       pointer does), compile again: it depends on the kinds of terms of the medium and on quality.depth.
    6. Transparent things: scatter_gl_fill_froxels, and scatter_fog(color, world) in the same shaders.
+   7. Last, scatter_gl_tone_map brings the linear picture to the screen. In a pass of your own: the chapters "prelude",
+      "tone" and "photographic" of scatter_gl_glsl.
 
    Errors: results and log as in scatter.h; SCATTER_UNSUPPORTED where the context lacks something. A shader that does not
    compile is logged whole, with numbered lines. Accuracy is measured in docs/accuracy.md and docs/report_gl.md.
@@ -168,6 +170,17 @@ typedef struct scatter_gl_froxels {
     float z_near, z_far; /* m, 0 < z_near < z_far; behind z_far the last slice goes on */
 } scatter_gl_froxels;
 
+/* A picture from linear HDR to the screen, see scatter_gl_tone_map. */
+typedef struct scatter_gl_tone {
+    scatter_tone tone;     /* key, white; log_average 0: of this picture, found on the GPU */
+    unsigned source;       /* 2D texture, not multisampled: linear colour; not attached to `framebuffer` */
+    int source_x, source_y; /* its texel that becomes the lower left pixel */
+    unsigned framebuffer;  /* drawn to; 0: the default one */
+    int x, y, width, height; /* its pixels; as many texels of the source */
+    int linear; /* 0: encoded as sRGB, what a screen shows; not 0: linear, for a framebuffer that encodes by itself
+                   (GL_FRAMEBUFFER_SRGB, sRGB formats in OpenGL ES) and for further passes */
+} scatter_gl_tone;
+
 /* GPU milliseconds of the last measured passes; -1: not measured, or not finished yet. Ask each frame: a pass is not
    measured again before its time was fetched. */
 typedef struct scatter_gl_times {
@@ -208,6 +221,10 @@ SCATTER_API scatter_result scatter_gl_draw(scatter_gl *fog, const scatter_gl_vie
 /* Fills the view-aligned volume for scatter_fog() in the host's shaders. */
 SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *fog, const scatter_gl_view *view,
                                                    const scatter_gl_froxels *froxels);
+/* scatter_tone_map of a picture: Reinhard's photographic operator; alpha stays. The logarithmic average is reduced on the
+   GPU and never read back. It needs no medium. Without float targets (EXT_color_buffer_float) tone.log_average must be
+   given. */
+SCATTER_API scatter_result scatter_gl_tone_map(scatter_gl *fog, const scatter_gl_tone *tone);
 /* Makes room for pictures of that size at reduced resolution, so that draw creates nothing. */
 SCATTER_API scatter_result scatter_gl_resize(scatter_gl *fog, int width, int height);
 /* Updates, and compiles what draw will need for the present medium, lights and quality. */
@@ -420,6 +437,7 @@ enum {
       (unsigned target, int level, int x, int y, int z, int width, int height, int depth, \
        unsigned format, unsigned type, const void *data)) \
     F(void, Uniform1i, (int location, int value)) \
+    F(void, Uniform4f, (int location, float x, float y, float z, float w)) \
     F(void, Uniform4i, (int location, int x, int y, int z, int w)) \
     F(void, UniformBlockBinding, (unsigned program, unsigned block, unsigned binding)) \
     F(void, UseProgram, (unsigned program)) \
@@ -595,7 +613,8 @@ typedef struct scatteri_gl_key {
 typedef struct scatteri_gl_program {
     scatteri_gl_key key;
     unsigned name;
-    int at; /* location of the uniform ivec4 scatteri_at: what changes from draw to draw; -1: none */
+    int at;   /* location of the uniform ivec4 scatteri_at: what changes from draw to draw; -1: none */
+    int tone; /* of the uniform vec4 scatteri_tone */
 } scatteri_gl_program;
 
 enum {
@@ -651,6 +670,7 @@ struct scatter_gl {
     scatteri_gl_texture running[2], wave[2]; /* of running sums and of the wavefront */
     scatteri_gl_texture reduced[2];           /* L and T at reduced resolution */
     scatteri_gl_texture froxels, froxel_running[2];
+    scatteri_gl_texture logs[2];              /* sums of logarithms of luminance, and of how many */
     char *surface_text;
     scatteri_gl_features surface_features;
     unsigned surface_buffer;
@@ -2704,6 +2724,76 @@ static const char scatteri_gl_view[] =
     "#endif\n"
     "}\n";
 
+/* --- tone mapping --- */
+
+/* For any pipeline, behind the chapters prelude and tone: what the three passes below compute. */
+static const char scatteri_gl_photographic[] =
+    /* Logarithm of a pixel's luminance and 1; nothing where it has none: black, infinite, NaN. */
+    "vec2 scatteri_log_luminance(vec3 rgb) {\n"
+    "    float l = scatteri_luminance(rgb);\n"
+    "    return l > 0.0 && l <= 3.4028234e38 ? vec2(log(l), 1.0) : vec2(0.0);\n"
+    "}\n"
+    /* From the sums of that over a picture; 0: all of it is black. */
+    "float scatteri_log_average(vec2 sums) {\n"
+    "    return sums.y > 0.0 ? exp(sums.x / sums.y) : 0.0;\n"
+    "}\n"
+    "vec3 scatteri_tone_map(vec3 rgb, float key, float white, float average) {\n"
+    "    vec3 scaled = (average > 0.0 ? key / average : 0.0) * rgb;\n"
+    "    float l = scatteri_luminance(scaled);\n"
+    "    return (l > 0.0 ? scatteri_reinhard(l, white) / l : 1.0) * scaled;\n"
+    "}\n"
+    /* 0 where c is no number. */
+    "float scatteri_srgb(float c) {\n"
+    "    float v = c > 0.0 ? min(c, 1.0) : 0.0;\n"
+    "    return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1.0 / 2.4) - 0.055;\n"
+    "}\n";
+
+static const char scatteri_gl_picture[] =
+    "vec2 scatteri_logs_at(ivec2 texel) {\n"
+    "    return scatteri_log_luminance(texelFetch(scatteri_before, texel, 0).xyz);\n"
+    "}\n";
+
+static const char scatteri_gl_logs[] =
+    "vec2 scatteri_logs_at(ivec2 texel) {\n"
+    "    return texelFetch(scatteri_before, texel, 0).xy;\n"
+    "}\n";
+
+static const char scatteri_gl_before[] = "uniform highp sampler2D scatteri_before;\n";
+
+/* Sums over 8 x 8 texels; scatteri_at: texel to begin at, width and height of what there is. Row by row, so that few
+   roundings follow each other. */
+static const char scatteri_gl_blocks_of_8[] =
+    "uniform highp ivec4 scatteri_at;\n"
+    "out vec4 scatteri_sums;\n"
+    "void main() {\n"
+    "    ivec2 first = 8 * ivec2(gl_FragCoord.xy), last = min(first + 8, scatteri_at.zw);\n"
+    "    vec2 sum = vec2(0.0);\n"
+    "    for (int y = first.y; y < last.y; y++) {\n"
+    "        vec2 row = vec2(0.0);\n"
+    "        for (int x = first.x; x < last.x; x++)\n"
+    "            row += scatteri_logs_at(scatteri_at.xy + ivec2(x, y));\n"
+    "        sum += row;\n"
+    "    }\n"
+    "    scatteri_sums = vec4(sum, 0.0, 0.0);\n"
+    "}\n";
+
+/* scatteri_at: from pixel to texel, 1 for sRGB. scatteri_tone: key, white, log average or 0: of the sums. */
+static const char scatteri_gl_tone_picture[] =
+    "uniform highp sampler2D scatteri_before_too;\n"
+    "uniform highp ivec4 scatteri_at;\n"
+    "uniform highp vec4 scatteri_tone;\n"
+    "out vec4 scatteri_color;\n"
+    "void main() {\n"
+    "    vec4 c = texelFetch(scatteri_before, ivec2(gl_FragCoord.xy) + scatteri_at.xy, 0);\n"
+    "    float average = scatteri_tone.z;\n"
+    "    if (!(average > 0.0))\n"
+    "        average = scatteri_log_average(texelFetch(scatteri_before_too, ivec2(0), 0).xy);\n"
+    "    c.xyz = scatteri_tone_map(c.xyz, scatteri_tone.x, scatteri_tone.y, average);\n"
+    "    if (scatteri_at.z != 0)\n"
+    "        c.xyz = vec3(scatteri_srgb(c.x), scatteri_srgb(c.y), scatteri_srgb(c.z));\n"
+    "    scatteri_color = c;\n"
+    "}\n";
+
 typedef struct scatteri_gl_chapter {
     const char *name, *text;
 } scatteri_gl_chapter;
@@ -2752,7 +2842,13 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
                                                            {"upsample", scatteri_gl_upsample},
                                                            {"surface", scatteri_gl_surface},
                                                            {"surface_blocks", scatteri_gl_surface_blocks},
-                                                           {"view", scatteri_gl_view}};
+                                                           {"view", scatteri_gl_view},
+                                                           {"photographic", scatteri_gl_photographic},
+                                                           {"before", scatteri_gl_before},
+                                                           {"picture", scatteri_gl_picture},
+                                                           {"logs", scatteri_gl_logs},
+                                                           {"blocks_of_8", scatteri_gl_blocks_of_8},
+                                                           {"tone_picture", scatteri_gl_tone_picture}};
 
 /* --------------------------------------------------------------------------------------- >>program */
 
@@ -2807,6 +2903,9 @@ enum {
     SCATTERI_GL_PASS_POLAR,  /* depth in columns around the sources */
     SCATTERI_GL_PASS_WAVE,   /* depth by upwind differences: one wave */
     SCATTERI_GL_PASS_MERGE,  /* all waves into a volume */
+    SCATTERI_GL_PASS_LOGS,   /* of luminance, summed over blocks of a picture */
+    SCATTERI_GL_PASS_SUMS,   /* of these, over blocks */
+    SCATTERI_GL_PASS_TONE,   /* the picture, by the last of them */
     SCATTERI_GL_PASSES
 };
 
@@ -2832,6 +2931,9 @@ static const scatteri_gl_pass scatteri_gl_passes[] = {
      SCATTERI_GL_HAS(GAUSSIANS) | SCATTERI_GL_HAS(FIELD) | SCATTERI_GL_HAS(BOUNDED)},
     {"wave", "prelude blocks waves wave_quad", "prelude blocks waves cells wave", 0},
     {"merge", "prelude whole", "prelude blocks waves slices merge", 0},
+    {"logs", "prelude whole", "prelude tone photographic before picture blocks_of_8", 0},
+    {"sums", "prelude whole", "prelude before logs blocks_of_8", 0},
+    {"tone", "prelude whole", "prelude tone photographic before tone_picture", 0},
 };
 
 static const struct {
@@ -2870,13 +2972,14 @@ static void scatteri_gl_say(char *text, size_t room, const char *format, ...)
     va_end(arguments);
 }
 
-/* A chapter that only some scenes need, and the features that call for it. */
-static int scatteri_gl_needs(const char *chapter, scatteri_gl_features features)
+/* Passes that know of features need some chapters only where one of those that call for it is there. */
+static int scatteri_gl_needs(const char *chapter, scatteri_gl_key key)
 {
     size_t i;
     for (i = 0; i < sizeof scatteri_gl_needed / sizeof *scatteri_gl_needed; i++)
-        if (strcmp(scatteri_gl_needed[i].chapter, chapter) == 0)
-            return (scatteri_gl_needed[i].features & features) != 0;
+        if (strcmp(scatteri_gl_needed[i].chapter, chapter) == 0 &&
+            (scatteri_gl_needed[i].features & scatteri_gl_passes[key.pass].knows) != 0)
+            return (scatteri_gl_needed[i].features & key.features) != 0;
     return 1;
 }
 
@@ -2900,7 +3003,7 @@ static void scatteri_gl_assemble(const char *version, scatteri_gl_key key, const
     source->count = 0;
     source->parts[source->count++] = source->head;
     while ((rest = scatteri_gl_next_word(rest, word, sizeof word)) != NULL)
-        if (scatteri_gl_needs(word, key.features))
+        if (scatteri_gl_needs(word, key))
             source->parts[source->count++] = scatter_gl_glsl(word);
 }
 
@@ -3072,6 +3175,7 @@ static scatter_result scatteri_gl_find_program(scatter_gl *f, scatteri_gl_key ke
         return SCATTER_UNSUPPORTED;
     scatteri_gl_set_inputs(f, p->name);
     p->at = f->gl.GetUniformLocation(p->name, "scatteri_at");
+    p->tone = f->gl.GetUniformLocation(p->name, "scatteri_tone");
     f->program_count++;
     f->stats.programs++;
     *out = p;
@@ -4675,18 +4779,24 @@ static int scatteri_gl_reduced_size(int size, int divide)
     return size / divide + (size % divide != 0);
 }
 
-/* Room for L and, where it has color, T. It only grows, so that several views can share it. */
+/* Room for pictures of that size. It only grows, so that several views can share it. */
+static scatter_result scatteri_gl_grow_texture(scatter_gl *f, scatteri_gl_texture *t, int format,
+                                               int width, int height)
+{
+    if (t->width >= width && t->height >= height)
+        return SCATTER_OK;
+    return scatteri_gl_size_texture(f, t, format, width > t->width ? width : t->width,
+                                    height > t->height ? height : t->height, 0);
+}
+
+/* Room for L and, where it has color, T. */
 static scatter_result scatteri_gl_reserve_reduced(scatter_gl *f, int width, int height, int colored)
 {
     scatter_result result = SCATTER_OK;
     int i;
-    for (i = 0; i <= colored && result == SCATTER_OK; i++) {
-        scatteri_gl_texture *t = &f->reduced[i];
-        if (t->width < width || t->height < height)
-            result = scatteri_gl_size_texture(f, t, SCATTERI_GL_RGBA16F,
-                                              width > t->width ? width : t->width,
-                                              height > t->height ? height : t->height, 0);
-    }
+    for (i = 0; i <= colored && result == SCATTER_OK; i++)
+        result =
+            scatteri_gl_grow_texture(f, &f->reduced[i], SCATTERI_GL_RGBA16F, width, height);
     return result;
 }
 
@@ -4987,6 +5097,101 @@ SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *f, const scatter_
         result = scatteri_gl_fill_batch(f, batch);
     scatteri_gl_remember_froxels(f, v);
     scatteri_gl_end_timer(f, SCATTERI_GL_TIME_FROXELS);
+    scatteri_gl_restore(f, &state);
+    return result;
+}
+
+/* ------------------------------------------------------------------------------------------- >>tone */
+
+enum { SCATTERI_GL_BLOCK = 8 }; /* texels of a picture that become one; also in GLSL */
+
+/* Sums of the texels of `from` that `at` names: x, y of the first, width, height. Those of the sums take its place. */
+static scatter_result scatteri_gl_sum_blocks(scatter_gl *f, int pass, unsigned from, int to, int *at)
+{
+    const scatteri_gl_program *program;
+    const int width = scatteri_gl_reduced_size(at[2], SCATTERI_GL_BLOCK),
+              height = scatteri_gl_reduced_size(at[3], SCATTERI_GL_BLOCK);
+    scatteri_gl_layer layer;
+    scatter_result result =
+        scatteri_gl_grow_texture(f, &f->logs[to], SCATTERI_GL_RG32F, width, height);
+    layer.texture = &f->logs[to];
+    layer.layer = 0;
+    if (result == SCATTER_OK)
+        result = scatteri_gl_target(f, &layer, 1);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_use(f, pass, 0, 1, &program);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_set_viewport(f, 0, 0, width, height);
+    scatteri_gl_bind(f, SCATTERI_GL_UNIT_BEFORE, SCATTERI_GL_TEXTURE_2D, from, f->nearest);
+    scatteri_gl_fill(f, program, at[0], at[1], at[2], at[3]);
+    at[0] = at[1] = 0;
+    at[2] = width;
+    at[3] = height;
+    return SCATTER_OK;
+}
+
+/* Logarithms of the source's luminance, summed until one texel holds them all: it is in f->logs[*last]. */
+static scatter_result scatteri_gl_sum_logs(scatter_gl *f, const scatter_gl_tone *t, int *last)
+{
+    int at[4];
+    scatter_result result;
+    at[0] = t->source_x;
+    at[1] = t->source_y;
+    at[2] = t->width;
+    at[3] = t->height;
+    *last = 0;
+    result = scatteri_gl_sum_blocks(f, SCATTERI_GL_PASS_LOGS, t->source, 0, at);
+    while (result == SCATTER_OK && (at[2] > 1 || at[3] > 1)) {
+        *last = 1 - *last;
+        result = scatteri_gl_sum_blocks(f, SCATTERI_GL_PASS_SUMS, f->logs[1 - *last].name, *last,
+                                        at);
+    }
+    return result;
+}
+
+/* `sums`: of the source's logarithms, or any texture where the average is given. */
+static scatter_result scatteri_gl_draw_tone(scatter_gl *f, const scatter_gl_tone *t, unsigned sums)
+{
+    const scatteri_gl_program *program;
+    const scatter_result result = scatteri_gl_use(f, SCATTERI_GL_PASS_TONE, 0, 1, &program);
+    if (result != SCATTER_OK)
+        return result;
+    f->gl.BindFramebuffer(SCATTERI_GL_DRAW_FRAMEBUFFER, t->framebuffer);
+    scatteri_gl_write_buffers(f, 1);
+    scatteri_gl_set_viewport(f, t->x, t->y, t->width, t->height);
+    scatteri_gl_bind(f, SCATTERI_GL_UNIT_BEFORE, SCATTERI_GL_TEXTURE_2D, t->source, f->nearest);
+    scatteri_gl_bind(f, SCATTERI_GL_UNIT_BEFORE_TOO, SCATTERI_GL_TEXTURE_2D, sums, f->nearest);
+    f->gl.Uniform4f(program->tone, t->tone.key > 0.0f ? t->tone.key : 0.18f, t->tone.white,
+                    t->tone.log_average, 0.0f);
+    scatteri_gl_fill(f, program, t->source_x - t->x, t->source_y - t->y, !t->linear, 0);
+    return SCATTER_OK;
+}
+
+SCATTER_API scatter_result scatter_gl_tone_map(scatter_gl *f, const scatter_gl_tone *t)
+{
+    scatteri_gl_state state;
+    scatter_result result = SCATTER_OK;
+    int last = 0;
+    if (f == NULL)
+        return SCATTER_BAD_ARGUMENT;
+    if (t == NULL || t->source == 0 || t->source_x < 0 || t->source_y < 0 || t->width < 0 ||
+        t->height < 0)
+        return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
+                             "tone is NULL, or its source is 0, or its source_x, source_y, width or "
+                             "height is below 0");
+    if (!(t->tone.log_average > 0.0f) && !f->can_draw_float)
+        return scatteri_fail(&f->host, SCATTER_UNSUPPORTED,
+                             "this GL context cannot draw into float textures (no "
+                             "EXT_color_buffer_float): tone.log_average must be given");
+    if (t->width == 0 || t->height == 0)
+        return SCATTER_OK;
+    scatteri_gl_save(f, &state);
+    if (!(t->tone.log_average > 0.0f))
+        result = scatteri_gl_sum_logs(f, t, &last);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_draw_tone(
+            f, t, t->tone.log_average > 0.0f ? t->source : f->logs[last].name);
     scatteri_gl_restore(f, &state);
     return result;
 }
@@ -5420,6 +5625,7 @@ static void scatteri_gl_drop_textures(scatter_gl *f)
         scatteri_gl_drop_texture(f, &f->wave[i]);
         scatteri_gl_drop_texture(f, &f->reduced[i]);
         scatteri_gl_drop_texture(f, &f->froxel_running[i]);
+        scatteri_gl_drop_texture(f, &f->logs[i]);
     }
     for (i = 0; i < f->grid_room; i++)
         scatteri_gl_drop_texture(f, &f->grids[i]);

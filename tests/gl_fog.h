@@ -12,6 +12,7 @@ typedef struct gl_fog {
     scatter_gl_view view;
     scatter_quality quality;
     GLuint target, color, depth, shadow[3]; /* framebuffer, its texture; depth; 2D, array, cube */
+    GLuint bright;                          /* a picture of floats */
     GLfloat camera[16], projection[16];
 } gl_fog;
 
@@ -41,7 +42,7 @@ static inline GLuint gl_fog_texture(gl_rig *rig, GLenum kind, GLint format, GLen
 /* Pixels of a random depth buffer, some at the clear value, and some not numbers if `nan`. */
 static inline const GLfloat *gl_fog_depths(int nan)
 {
-    static GLfloat pixel[2 * GL_HOST_SIZE * GL_HOST_SIZE];
+    static GLfloat pixel[4 * GL_HOST_SIZE * GL_HOST_SIZE];
     uint64_t seed = 5;
     size_t i;
     for (i = 0; i < CHECK_COUNT(pixel); i++) {
@@ -184,13 +185,25 @@ static inline scatter_result gl_fog_froxels(gl_fog *f)
     return scatter_gl_fill_froxels(f->fog, &f->view, &froxels);
 }
 
+/* Of most of the bright picture. */
+static inline scatter_gl_tone gl_fog_tone(const gl_fog *f)
+{
+    scatter_gl_tone tone;
+    memset(&tone, 0, sizeof tone);
+    tone.source = f->bright;
+    tone.source_x = tone.y = 1;
+    tone.framebuffer = f->target;
+    tone.width = tone.height = GL_HOST_SIZE - 2;
+    return tone;
+}
+
 /* The calls that change nothing of the host's. */
 static const char *const gl_fog_calls[] = {
     "scatter_gl_create",    "scatter_gl_set_medium",   "scatter_gl_set_lights",
     "scatter_gl_warm_up",   "scatter_gl_update",       "scatter_gl_update with an eye",
     "scatter_gl_draw",      "scatter_gl_resize",       "scatter_gl_draw, half resolution",
     "scatter_gl_draw, T",   "scatter_gl_fill_froxels", "scatter_gl_surface_glsl",
-    "scatter_gl_get_times", "scatter_gl_destroy"};
+    "scatter_gl_get_times", "scatter_gl_tone_map",     "scatter_gl_destroy"};
 
 static inline scatter_result gl_fog_draw(gl_fog *f, int divide, scatter_gl_show show)
 {
@@ -202,6 +215,7 @@ static inline scatter_result gl_fog_draw(gl_fog *f, int divide, scatter_gl_show 
 
 static inline scatter_result gl_fog_call(gl_fog *f, size_t which)
 {
+    const scatter_gl_tone tone = gl_fog_tone(f);
     scatter_vec3 eye = {0, 0, 3};
     switch (which) {
     case 0: return scatter_gl_create(&f->desc, &f->fog);
@@ -217,6 +231,7 @@ static inline scatter_result gl_fog_call(gl_fog *f, size_t which)
     case 10: return gl_fog_froxels(f);
     case 11: return scatter_gl_surface_glsl(f->fog) ? SCATTER_OK : SCATTER_OUT_OF_MEMORY;
     case 12: scatter_gl_get_times(f->fog); return SCATTER_OK;
+    case 13: return scatter_gl_tone_map(f->fog, &tone);
     default: scatter_gl_destroy(f->fog); f->fog = NULL;
     }
     return SCATTER_OK;
@@ -238,6 +253,8 @@ static inline void gl_fog_open(gl_rig *rig, gl_fog *f)
     for (i = 0; i < 3; i++)
         f->shadow[i] = gl_fog_texture(rig, kinds[i], GL_DEPTH_COMPONENT32F, GL_DEPTH_COMPONENT, 8,
                                       gl_fog_depths(0));
+    f->bright = gl_fog_texture(rig, GL_TEXTURE_2D, GL_RGBA32F, GL_RGBA, GL_HOST_SIZE,
+                               gl_fog_depths(0));
     gl_fog_look(f);
     gl_fog_random(f, 1);
     assert_int_equal(rig->host.gl.GetError(), GL_NO_ERROR);

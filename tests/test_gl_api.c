@@ -27,7 +27,8 @@ enum {
     DRAW = 6,
     RESIZE,
     DRAW_HALF,
-    SURFACE_GLSL = 11
+    SURFACE_GLSL = 11,
+    TONE_MAP = 13
 };
 
 /* ----------------------------------------------------------------------------------- >>helpers */
@@ -395,6 +396,11 @@ static void test_no_pixels(gl_rig *rig)
         assert_result(&f, "draw", scatter_gl_draw(f.fog, &v), SCATTER_OK);
         assert_result(&f, "froxels", scatter_gl_fill_froxels(f.fog, &v, &froxels), SCATTER_OK);
     }
+    for (i = 0; i < 2; i++) {
+        scatter_gl_tone tone = gl_fog_tone(&f);
+        *(i ? &tone.width : &tone.height) = 0;
+        assert_result(&f, "tone map", scatter_gl_tone_map(f.fog, &tone), SCATTER_OK);
+    }
     assert_result(&f, "resize", scatter_gl_resize(f.fog, 0, 0), SCATTER_OK);
     assert_result(&f, "resize", scatter_gl_resize(f.fog, 0, 9), SCATTER_OK);
     assert_result(&f, "warm up", scatter_gl_warm_up(f.fog, &f.quality, &v), SCATTER_OK);
@@ -423,11 +429,12 @@ typedef struct arguments {
     scatter_gl_view view;
     float camera[16], projection[16];
     scatter_gl_froxels froxels;
+    scatter_gl_tone tone;
     int width, height, unit, block;
     unsigned program;
 } arguments;
 
-enum { DO_CREATE, DO_MEDIUM, DO_LIGHTS, DO_UPDATE, DO_DRAW, DO_FROXELS, DO_RESIZE, DO_BIND };
+enum { DO_CREATE, DO_MEDIUM, DO_LIGHTS, DO_UPDATE, DO_DRAW, DO_FROXELS, DO_TONE, DO_RESIZE, DO_BIND };
 
 typedef struct refusal {
     int call;
@@ -523,6 +530,12 @@ static const refusal refusals[] = {
     BAD(DO_FROXELS, "froxels.z_near", 'f', froxels.z_near, (double)NAN),
     BAD(DO_FROXELS, "z_far", 'f', froxels.z_far, 0.5),
     LARGE(DO_FROXELS, "texture", 'i', froxels.nx, 1000000),
+    BAD(DO_TONE, "source", 'i', tone.source, 0),
+    BAD(DO_TONE, "source_x", 'i', tone.source_x, -1),
+    BAD(DO_TONE, "source_y", 'i', tone.source_y, -1),
+    BAD(DO_TONE, "width", 'i', tone.width, -1),
+    BAD(DO_TONE, "height", 'i', tone.height, -1),
+    LARGE(DO_TONE, "texture", 'i', tone.width, 2147483647),
     BAD(DO_RESIZE, "width", 'i', width, -1),
     BAD(DO_RESIZE, "height", 'i', height, -1),
     LARGE(DO_RESIZE, "texture", 'i', width, 2147483647),
@@ -608,6 +621,7 @@ static void fill_arguments(arguments *a, const gl_fog *f, unsigned program)
     a->froxels.z_near = 0.5f;
     a->froxels.z_far = 20;
     a->width = a->height = 8;
+    a->tone = gl_fog_tone(f);
     a->program = program;
 }
 
@@ -637,6 +651,7 @@ static scatter_result do_call(scatter_gl *fog, const arguments *a, int call)
     case DO_UPDATE: return scatter_gl_update(fog, &a->quality, &a->eye);
     case DO_DRAW: return scatter_gl_draw(fog, &a->view);
     case DO_FROXELS: return scatter_gl_fill_froxels(fog, &a->view, &a->froxels);
+    case DO_TONE: return scatter_gl_tone_map(fog, &a->tone);
     case DO_RESIZE: return scatter_gl_resize(fog, a->width, a->height);
     case DO_BIND: return scatter_gl_bind_surface(fog, a->program, a->unit, a->block);
     default:;
@@ -773,6 +788,7 @@ static void test_null(gl_rig *rig)
     assert_true(
         is_refused(&f, scatter_gl_set_lights(f.fog, NULL, 1), SCATTER_BAD_ARGUMENT, "lights"));
     assert_true(is_refused(&f, scatter_gl_draw(f.fog, NULL), SCATTER_BAD_ARGUMENT, "view"));
+    assert_true(is_refused(&f, scatter_gl_tone_map(f.fog, NULL), SCATTER_BAD_ARGUMENT, "tone"));
     assert_true(is_refused(&f, scatter_gl_fill_froxels(f.fog, NULL, &a.froxels),
                            SCATTER_BAD_ARGUMENT, "view"));
     assert_true(is_refused(&f, scatter_gl_fill_froxels(f.fog, &a.view, NULL), SCATTER_BAD_ARGUMENT,
@@ -876,6 +892,18 @@ static void assert_no_volumes(gl_fog *f)
     assert_true(is_refused(f, gl_fog_froxels(f), SCATTER_UNSUPPORTED, "EXT_color_buffer_float"));
 }
 
+/* Without float targets the average must be given. */
+static void assert_tone_unsupported(gl_rig *rig, gl_fog *f)
+{
+    scatter_gl_tone tone = gl_fog_tone(f);
+    forget_sentence(f);
+    if (rig->context.es)
+        assert_true(is_refused(f, scatter_gl_tone_map(f->fog, &tone), SCATTER_UNSUPPORTED,
+                               "tone.log_average"));
+    tone.tone.log_average = 0.5f;
+    assert_result(f, "tone map", scatter_gl_tone_map(f->fog, &tone), SCATTER_OK);
+}
+
 /* OpenGL does not need the extension. */
 static void test_no_float_targets(gl_rig *rig)
 {
@@ -890,6 +918,7 @@ static void test_no_float_targets(gl_rig *rig)
     open_driver(rig, &f, get_lying);
     hide("GL_EXT_color_buffer_float", "GL_EXT_color_buffer_half_float");
     start(&f);
+    assert_tone_unsupported(rig, &f);
     if (rig->context.es) {
         assert_no_volumes(&f);
         forget_sentence(&f);
@@ -1057,12 +1086,14 @@ static void test_quiet_frames(gl_rig *rig)
         assert_call(&f, WARM_UP);
         assert_call(&f, UPDATE);
         assert_call(&f, DRAW_HALF);
+        assert_call(&f, TONE_MAP);
         before = listen_to(rig, &f);
         for (i = 0; i < 8; i++) {
             f.lights[0].light.position.x = 0.4f * (float)i;
             assert_call(&f, SET_LIGHTS);
             assert_call(&f, UPDATE);
             picture_of(rig, &f, 1 + i % 2);
+            assert_call(&f, TONE_MAP);
             assert_call(&f, SURFACE_GLSL);
             if (i == 0) /* its text is made once */
                 before.calls++;

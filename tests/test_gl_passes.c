@@ -688,6 +688,253 @@ static void test_reading(gl_rig *rig) {
         }
 }
 
+/* ------------------------------------------------------------------------------ >>tone */
+
+/* A picture and where it is drawn to. */
+typedef struct toned {
+    gl_rig *rig;
+    scatter_gl *fog;
+    GLuint source, target, framebuffer;
+    int width, height;
+    float *rgba, *rgb, *out, *twin; /* out: RGBA, as drawn; twin: RGB by scatter.h */
+} toned;
+
+static GLuint float_texture(const gl_functions *gl, int width, int height, const float *rgba) {
+    GLuint name;
+    gl->GenTextures(1, &name);
+    gl->BindTexture(GL_TEXTURE_2D, name);
+    gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, width, height, 0, GL_RGBA, GL_FLOAT, rgba);
+    gl->BindTexture(GL_TEXTURE_2D, 0);
+    return name;
+}
+
+/* Luminances evenly spread over the decades 1e-6..1e6, every 16th pixel black. */
+static void open_toned(toned *t, gl_rig *rig, scatter_gl *fog, int width, int height) {
+    const gl_functions *gl = &rig->host.gl;
+    const size_t count = (size_t)width * (size_t)height;
+    uint64_t seed = 7;
+    size_t i;
+    memset(t, 0, sizeof *t);
+    t->rig = rig;
+    t->fog = fog;
+    t->width = width;
+    t->height = height;
+    t->rgba = (float *)malloc(14 * count * sizeof(float));
+    assert_true(t->rgba != NULL);
+    t->out = t->rgba + 4 * count;
+    t->rgb = t->out + 4 * count;
+    t->twin = t->rgb + 3 * count;
+    for (i = 0; i < 4 * count; i++)
+        t->rgba[i] = i / 4 % 16 == 3 ? 0.0f : powf(10.0f, check_uniform(&seed, -6, 6));
+    t->target = float_texture(gl, width, height, NULL);
+    gl->GenFramebuffers(1, &t->framebuffer);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
+    gl->FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, t->target, 0);
+}
+
+static void close_toned(toned *t) {
+    const gl_functions *gl = &t->rig->host.gl;
+    assert_int_equal(gl->GetError(), GL_NO_ERROR);
+    gl->DeleteTextures(1, &t->source);
+    gl->DeleteTextures(1, &t->target);
+    gl->DeleteFramebuffers(1, &t->framebuffer);
+    free(t->rgba);
+}
+
+/* The picture by the GPU, and by scatter.h into t->twin. */
+static void tone_map(toned *t, const scatter_tone *tone, int linear) {
+    const gl_functions *gl = &t->rig->host.gl;
+    const size_t count = (size_t)t->width * (size_t)t->height;
+    scatter_gl_tone desc;
+    size_t i;
+    gl->DeleteTextures(1, &t->source);
+    t->source = float_texture(gl, t->width, t->height, t->rgba);
+    memset(&desc, 0, sizeof desc);
+    desc.tone = *tone;
+    desc.source = t->source;
+    desc.framebuffer = t->framebuffer;
+    desc.width = t->width;
+    desc.height = t->height;
+    desc.linear = linear;
+    assert_int_equal(scatter_gl_tone_map(t->fog, &desc), SCATTER_OK);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
+    gl->ReadBuffer(GL_COLOR_ATTACHMENT0);
+    gl->ReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_FLOAT, t->out);
+    for (i = 0; i < 3 * count; i++)
+        t->rgb[i] = t->rgba[i / 3 * 4 + i % 3];
+    scatter_tone_map(tone, t->rgb, count, t->twin);
+}
+
+/* Largest relative difference of the two; NaN must meet NaN. */
+static double tone_difference(const toned *t) {
+    const size_t count = 3 * (size_t)t->width * (size_t)t->height;
+    double worst = 0;
+    size_t i;
+    for (i = 0; i < count; i++) {
+        const double a = (double)t->out[i / 3 * 4 + i % 3], b = (double)t->twin[i];
+        if (isnan(a) != isnan(b))
+            return INFINITY;
+        if (a != b && !isnan(a))
+            worst = fmax(worst, fabs(a - b) / fabs(b));
+    }
+    return worst;
+}
+
+/* Of the tone mapped values: each level of blocks adds 7 + 7 times, each addition rounds the sum so far by 2^-24 at most;
+   GLSL's log errs by 2^-21 or 3 2^-24 of itself, exp by (3 + 2|x|) 2^-24. A relative error of the average becomes up to
+   twice itself by the burn-out term; 16 roundings of what follows. */
+static double tone_tolerance(const toned *t) {
+    double size = t->width > t->height ? t->width : t->height, levels = 1, mean = 0;
+    const size_t count = (size_t)t->width * (size_t)t->height;
+    const double grain = ldexp(1, -24);
+    size_t i, bright = 0;
+    for (; size > 8; size /= 8)
+        levels++;
+    for (i = 0; i < count; i++) {
+        const float *c = t->rgba + 4 * i;
+        const double l = 0.2126 * (double)c[0] + 0.7152 * (double)c[1] + 0.0722 * (double)c[2];
+        if (l > 0 && l <= 3e38) {
+            mean += fabs(log(l));
+            bright++;
+        }
+    }
+    mean = bright ? mean / (double)bright : 0;
+    return 2 * ((14 * levels + 5) * mean * grain + 11 * grain) + 16 * grain;
+}
+
+static void test_tone(gl_rig *rig) {
+    static const int sizes[][2] = {{1, 1},  {1, 300},  {300, 1},   {7, 9},    {8, 8},
+                                   {9, 64}, {65, 513}, {257, 131}, {640, 363}};
+    static const scatter_tone tones[] = {{0, 0, 0}, {0.36f, 2.0f, 0}, {0.18f, 0, 3.0f}};
+    scatter_gl *fog = open_fog(rig, 0);
+    size_t i, k;
+    for (i = 0; i < CHECK_COUNT(sizes); i++) {
+        toned t;
+        open_toned(&t, rig, fog, sizes[i][0], sizes[i][1]);
+        for (k = 0; k < CHECK_COUNT(tones); k++) {
+            char what[64];
+            snprintf(what, sizeof what, "%d x %d, tone %d", t.width, t.height, (int)k);
+            tone_map(&t, &tones[k], 1);
+            if (!check_at_most(what, tone_difference(&t), tone_tolerance(&t)))
+                fail();
+        }
+        assert_true(t.out[3] == t.rgba[3]); /* alpha stays */
+        close_toned(&t);
+    }
+    scatter_gl_destroy(fog);
+}
+
+/* Planted: averages that leave out an odd last row, or count black pixels, are farther away than rounding. */
+static void test_tone_faults(gl_rig *rig) {
+    scatter_gl *fog = open_fog(rig, 0);
+    scatter_tone tone = {0, 0, 0};
+    size_t i, count, bright = 0;
+    float all, some;
+    toned t;
+    open_toned(&t, rig, fog, 256, 9);
+    count = (size_t)t.width * (size_t)t.height;
+    tone_map(&t, &tone, 1);
+    all = scatter_log_average(t.rgb, count);
+    some = scatter_log_average(t.rgb, count / 9 * 8);
+    for (i = 0; i < count; i++)
+        bright += t.rgb[3 * i] > 0.0f;
+    tone.log_average = some;
+    scatter_tone_map(&tone, t.rgb, count, t.twin);
+    assert_at_least(tone_difference(&t), 10 * tone_tolerance(&t));
+    tone.log_average = powf(all, (float)bright / (float)count);
+    scatter_tone_map(&tone, t.rgb, count, t.twin);
+    assert_at_least(tone_difference(&t), 10 * tone_tolerance(&t));
+    tone.log_average = all;
+    scatter_tone_map(&tone, t.rgb, count, t.twin);
+    assert_at_most(tone_difference(&t), tone_tolerance(&t));
+    close_toned(&t);
+    scatter_gl_destroy(fog);
+}
+
+/* Pixels that are no numbers, infinite, negative or black count as little as on the CPU, and come out the same. */
+static void test_tone_odd_pixels(gl_rig *rig) {
+    static const float odd[] = {NAN, INFINITY, -INFINITY, -3.0f, 0.0f, 1e30f};
+    const scatter_tone tone = {0, 0, 0};
+    scatter_gl *fog = open_fog(rig, 0);
+    toned t;
+    size_t i, bright = 0, none = 0;
+    open_toned(&t, rig, fog, 37, 11);
+    for (i = 0; i < 4 * 37 * 11; i++)
+        if (i % 5 == 0)
+            t.rgba[i] = odd[i / 5 % CHECK_COUNT(odd)];
+    tone_map(&t, &tone, 1);
+    for (i = 0; i < 4 * 37 * 11; i++) {
+        bright += t.out[i] > 0.0f;
+        none += isnan(t.out[i]) ? 1 : 0;
+    }
+    assert_true(bright > 400 && none > 100); /* planted: there are both */
+    assert_at_most(tone_difference(&t), tone_tolerance(&t));
+    for (i = 0; i < 4 * 37 * 11; i++)
+        t.rgba[i] = i % 2 ? 0.0f : -1.0f;
+    tone_map(&t, &tone, 1);
+    for (i = 0; i < 4 * 37 * 11; i++)
+        assert_true(i % 4 == 3 || t.out[i] == 0.0f);
+    close_toned(&t);
+    scatter_gl_destroy(fog);
+}
+
+/* Bytes of a screen are those of scatter_srgb8, but where the difference of tone_tolerance rounds the other way: a value's
+   slope there is at most 255 * 12.92, and its size 1. */
+static void test_tone_srgb(gl_rig *rig) {
+    const scatter_tone tone = {0.18f, 4.0f, 0};
+    scatter_gl *fog = open_fog(rig, 0);
+    const double grain = ldexp(1, -24);
+    double worst = 0, apart = 0;
+    toned t;
+    size_t i;
+    open_toned(&t, rig, fog, 64, 33);
+    t.rgba[5] = NAN;
+    t.rgba[9] = INFINITY;
+    tone_map(&t, &tone, 0);
+    for (i = 0; i < 3 * 64 * 33; i++) {
+        const double v = fmin(fmax((double)t.twin[i], 0), 1); /* NaN: 0 */
+        const double s = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
+        worst = fmax(worst, fabs((double)t.out[i / 3 * 4 + i % 3] - s));
+        apart = fmax(apart, fabs((double)t.out[i / 3 * 4 + i % 3] - v));
+    }
+    assert_at_most(worst, 12.92 * (tone_tolerance(&t) + 32 * grain)); /* pow is exp2 of log2 */
+    assert_at_least(apart, 0.1); /* planted: linear values are others */
+    close_toned(&t);
+    scatter_gl_destroy(fog);
+}
+
+/* A part of a texture into a part of a framebuffer; the rest of it stays. */
+static void test_tone_window(gl_rig *rig) {
+    const gl_functions *gl = &rig->host.gl;
+    scatter_gl *fog = open_fog(rig, 0);
+    const scatter_tone tone = {0, 0, 1.0f};
+    scatter_gl_tone desc;
+    toned t;
+    int x, y;
+    open_toned(&t, rig, fog, 40, 30);
+    tone_map(&t, &tone, 1); /* the twin of every pixel */
+    gl->ClearColor(-1, -1, -1, -1);
+    gl->Clear(GL_COLOR_BUFFER_BIT);
+    memset(&desc, 0, sizeof desc);
+    desc.tone = tone;
+    desc.source = t.source;
+    desc.framebuffer = t.framebuffer;
+    desc.source_x = 9, desc.source_y = 3, desc.x = 2, desc.y = 5;
+    desc.width = 20, desc.height = 10;
+    desc.linear = 1;
+    assert_int_equal(scatter_gl_tone_map(fog, &desc), SCATTER_OK);
+    gl->ReadPixels(0, 0, 40, 30, GL_RGBA, GL_FLOAT, t.out);
+    for (y = 0; y < 30; y++)
+        for (x = 0; x < 40; x++) {
+            const float value = t.out[4 * (y * 40 + x)];
+            const int inside = x >= 2 && x < 22 && y >= 5 && y < 15;
+            const float twin = inside ? t.twin[3 * ((y - 2) * 40 + x + 7)] : -1.0f;
+            assert_at_most(fabs((double)(value - twin)), 1e-6 * fabs((double)twin));
+        }
+    close_toned(&t);
+    scatter_gl_destroy(fog);
+}
+
 int main(void) {
     static const gl_case cases[] = {{"injection", test_injection},
                                     {"injection into 16 bits", test_half_injection},
@@ -697,6 +944,11 @@ int main(void) {
                                     {"columns", test_columns},
                                     {"polar from a volume", test_polar_volume},
                                     {"depth in 16 bits", test_half_depth},
-                                    {"reading", test_reading}};
+                                    {"reading", test_reading},
+                                    {"tone mapping", test_tone},
+                                    {"tone mapping, planted faults", test_tone_faults},
+                                    {"tone mapping of odd pixels", test_tone_odd_pixels},
+                                    {"tone mapping to sRGB", test_tone_srgb},
+                                    {"tone mapping in a window", test_tone_window}};
     return gl_rig_run_all(cases, CHECK_COUNT(cases));
 }
