@@ -207,7 +207,10 @@ SCATTER_API void scatter_gl_destroy(scatter_gl *fog);
 /* The same after the context was lost: gives back memory, calls no GL. */
 SCATTER_API void scatter_gl_abandon(scatter_gl *fog);
 
-/* Takes over a medium; arrays are copied, voxels are uploaded when their grid's `version` or address changed. */
+/* Takes over a medium; arrays are copied, voxels are uploaded when their grid's `version`, size or address changed: into a
+   buffer with new storage and from there into the texture that the frame before does not read, so that the call waits for
+   a copy and, as far as the driver keeps to that, not for the GPU. Grids whose voxels change have two textures; another
+   size makes new ones. */
 SCATTER_API scatter_result scatter_gl_set_medium(scatter_gl *fog, const scatter_medium *medium);
 SCATTER_API scatter_result scatter_gl_set_lights(scatter_gl *fog, const scatter_gl_light *lights,
                                                  size_t count);
@@ -304,6 +307,7 @@ enum {
     SCATTERI_GL_FLOAT = 0x1406,
     SCATTERI_GL_FRAGMENT = 0x8B30,
     SCATTERI_GL_FUNC_ADD = 0x8006,
+    SCATTERI_GL_HALF_FLOAT = 0x140B,
     SCATTERI_GL_LINEAR = 0x2601,
     SCATTERI_GL_LINKED = 0x8B82,
     SCATTERI_GL_MAG_FILTER = 0x2800,
@@ -336,6 +340,7 @@ enum {
     SCATTERI_GL_SCISSOR_TEST = 0x0C11,
     SCATTERI_GL_SRC_ALPHA = 0x0302,
     SCATTERI_GL_SRC_COLOR = 0x0300,
+    SCATTERI_GL_STREAM = 0x88E0,
     SCATTERI_GL_TEXTURE_0 = 0x84C0,
     SCATTERI_GL_TEXTURE_2D = 0x0DE1,
     SCATTERI_GL_TEXTURE_3D = 0x806F,
@@ -640,6 +645,12 @@ typedef struct scatteri_gl_lamp {
     int in_rim;            /* see scatteri_in_rim */
 } scatteri_gl_lamp;
 
+/* The voxels that a grid's texture holds, and the texture before it, which takes the next ones. */
+typedef struct scatteri_gl_voxels {
+    scatter_grid held; /* density NULL: none */
+    scatteri_gl_texture before;
+} scatteri_gl_voxels;
+
 struct scatter_gl {
     scatter_host host;
     scatter_gl_desc desc; /* without zeros */
@@ -666,7 +677,9 @@ struct scatter_gl {
     unsigned medium_buffer, view_buffer, *light_buffers; /* one for each batch */
     unsigned nearest, linear;                            /* samplers */
     scatteri_gl_texture gaussians, rules, *grids, field, *volumes; /* volumes: one for each batch */
+    scatteri_gl_voxels *voxels; /* of the grids */
     int grid_room;
+    unsigned voxel_buffer;
     scatteri_gl_texture running[2], wave[2]; /* of running sums and of the wavefront */
     scatteri_gl_texture reduced[2];           /* L and T at reduced resolution */
     scatteri_gl_texture froxels, froxel_running[2];
@@ -3218,7 +3231,7 @@ static const struct {
     unsigned name;
     int value, es;
 } scatteri_gl_unpack[] = {
-    {0x0CF5, 4, 1}, /* UNPACK_ALIGNMENT */
+    {0x0CF5, 2, 1}, /* UNPACK_ALIGNMENT: of rows of 16 bits */
     {0x0CF2, 0, 1}, /* UNPACK_ROW_LENGTH */
     {0x806E, 0, 1}, /* UNPACK_IMAGE_HEIGHT */
     {0x0CF4, 0, 1}, /* UNPACK_SKIP_PIXELS */
@@ -5494,6 +5507,7 @@ static scatter_result scatteri_gl_make_objects(scatter_gl *f)
     int i;
     f->gl.GenVertexArrays(1, &f->vertex_array);
     f->gl.GenFramebuffers(1, &f->framebuffer);
+    f->gl.GenBuffers(1, &f->voxel_buffer);
     f->nearest = scatteri_gl_make_sampler(f, SCATTERI_GL_NEAREST);
     f->linear = scatteri_gl_make_sampler(f, SCATTERI_GL_LINEAR);
     f->medium_buffer = scatteri_gl_make_buffer(f, sizeof f->medium_block);
@@ -5609,6 +5623,7 @@ static void scatteri_gl_drop_objects(scatter_gl *f)
     gl->DeleteBuffers(1, &f->medium_buffer);
     gl->DeleteBuffers(1, &f->view_buffer);
     gl->DeleteBuffers(1, &f->surface_buffer);
+    gl->DeleteBuffers(1, &f->voxel_buffer);
     gl->DeleteBuffers(scatteri_gl_most_batches(f), f->light_buffers);
     scatteri_gl_drop_timers(f);
 }
@@ -5627,8 +5642,10 @@ static void scatteri_gl_drop_textures(scatter_gl *f)
         scatteri_gl_drop_texture(f, &f->froxel_running[i]);
         scatteri_gl_drop_texture(f, &f->logs[i]);
     }
-    for (i = 0; i < f->grid_room; i++)
+    for (i = 0; i < f->grid_room; i++) {
         scatteri_gl_drop_texture(f, &f->grids[i]);
+        scatteri_gl_drop_texture(f, &f->voxels[i].before);
+    }
     for (i = 0; f->volumes != NULL && i < scatteri_gl_most_batches(f); i++)
         scatteri_gl_drop_texture(f, &f->volumes[i]);
 }
@@ -5647,6 +5664,7 @@ SCATTER_API void scatter_gl_destroy(scatter_gl *f)
     scatteri_release(&host, f->volumes);
     scatteri_release(&host, f->scratch);
     scatteri_release(&host, f->grids);
+    scatteri_release(&host, f->voxels);
     scatteri_release(&host, f->surface_text);
     scatteri_release(&host, f->programs);
     scatteri_release(&host, f);
@@ -5665,17 +5683,27 @@ SCATTER_API void scatter_gl_abandon(scatter_gl *f)
 static scatter_result scatteri_gl_room_for_grids(scatter_gl *f, int count)
 {
     scatteri_gl_texture *grids;
+    scatteri_gl_voxels *voxels;
     if (count <= f->grid_room)
         return SCATTER_OK;
     grids = (scatteri_gl_texture *)scatteri_allocate(&f->host, (size_t)count * sizeof *grids);
-    if (grids == NULL)
+    voxels = (scatteri_gl_voxels *)scatteri_allocate(&f->host, (size_t)count * sizeof *voxels);
+    if (grids == NULL || voxels == NULL) {
+        scatteri_release(&f->host, grids);
+        scatteri_release(&f->host, voxels);
         return scatteri_fail(&f->host, SCATTER_OUT_OF_MEMORY,
                              "host.allocate gave no memory for %d grids", count);
+    }
     memset(grids, 0, (size_t)count * sizeof *grids);
-    if (f->grid_room > 0)
+    memset(voxels, 0, (size_t)count * sizeof *voxels);
+    if (f->grid_room > 0) {
         memcpy(grids, f->grids, (size_t)f->grid_room * sizeof *grids);
+        memcpy(voxels, f->voxels, (size_t)f->grid_room * sizeof *voxels);
+    }
     scatteri_release(&f->host, f->grids);
+    scatteri_release(&f->host, f->voxels);
     f->grids = grids;
+    f->voxels = voxels;
     f->grid_room = count;
     return SCATTER_OK;
 }
@@ -5697,21 +5725,91 @@ static scatter_result scatteri_gl_check_range(scatter_gl *f, int grid)
     return SCATTER_OK;
 }
 
+/* The 16 bits nearest to v, which is 0..65504; ties to even. Below 2^-14 the step is that of floats at 1/2. */
+static unsigned scatteri_gl_half(float v)
+{
+    const uint32_t bits = scatteri_bits(v);
+    if (v < 6.103515625e-5f)
+        return scatteri_bits(v + 0.5f) - scatteri_bits(0.5f);
+    return ((bits + 0xFFFu + (bits >> 13 & 1u)) >> 13) - (112u << 10);
+}
+
+/* Voxels as 16 bits into the bound buffer: half as much to transfer, and faster than drivers convert (bench). */
+static void scatteri_gl_buffer_halves(scatter_gl *f, const float *values, size_t count)
+{
+    const size_t room = 2 * f->scratch_floats;
+    unsigned short *halves = (unsigned short *)(void *)f->scratch;
+    size_t first, i;
+    f->gl.BufferData(SCATTERI_GL_UNPACK_BUFFER, (ptrdiff_t)(2 * count), NULL, SCATTERI_GL_STREAM);
+    for (first = 0; first < count; first += room) {
+        const size_t n = count - first < room ? count - first : room;
+        for (i = 0; i < n; i++)
+            halves[i] = (unsigned short)scatteri_gl_half(values[first + i]);
+        f->gl.BufferSubData(SCATTERI_GL_UNPACK_BUFFER, (ptrdiff_t)(2 * first), (ptrdiff_t)(2 * n),
+                            halves);
+    }
+}
+
+/* Voxels for a whole texture, through a buffer that gets new storage: nothing waits for what the GPU still reads. The
+   buffer is kept where it `goes_on`. */
+static void scatteri_gl_stream(scatter_gl *f, const scatteri_gl_texture *t, const float *values,
+                               int goes_on)
+{
+    const size_t count = (size_t)t->width * (size_t)t->height * (size_t)t->depth;
+    const int half = scatteri_gl_field_format(f) == SCATTERI_GL_R16F;
+    f->gl.BindBuffer(SCATTERI_GL_UNPACK_BUFFER, f->voxel_buffer);
+    if (half)
+        scatteri_gl_buffer_halves(f, values, count);
+    else
+        f->gl.BufferData(SCATTERI_GL_UNPACK_BUFFER, (ptrdiff_t)(count * sizeof *values), values,
+                         SCATTERI_GL_STREAM);
+    scatteri_gl_bind(f, SCATTERI_GL_UNIT_BEFORE, t->target, t->name, 0);
+    f->gl.TexSubImage3D(t->target, 0, 0, 0, 0, t->width, t->height, t->depth, SCATTERI_GL_RED,
+                        half ? SCATTERI_GL_HALF_FLOAT : SCATTERI_GL_FLOAT, NULL);
+    if (!goes_on)
+        f->gl.BufferData(SCATTERI_GL_UNPACK_BUFFER, 0, NULL, SCATTERI_GL_STREAM);
+    f->gl.BindBuffer(SCATTERI_GL_UNPACK_BUFFER, 0);
+}
+
+static int scatteri_gl_same_voxels(const scatter_grid *a, const scatter_grid *b)
+{
+    return a->density == b->density && a->nx == b->nx && a->ny == b->ny && a->nz == b->nz &&
+           a->version == b->version;
+}
+
+/* Voxels that change go into the texture that the frame before does not read; those of a grid that stays have one. */
+static scatter_result scatteri_gl_send_grid(scatter_gl *f, int i)
+{
+    const scatter_grid *g = &f->medium.desc.grids[i];
+    scatteri_gl_voxels *v = &f->voxels[i];
+    scatteri_gl_texture *t = &f->grids[i];
+    const int goes_on = t->name != 0;
+    scatter_result result = SCATTER_OK;
+    if (scatteri_gl_same_voxels(&v->held, g))
+        return SCATTER_OK;
+    v->held.density = NULL;
+    result = scatteri_gl_check_range(f, i);
+    if (result == SCATTER_OK && goes_on) {
+        const scatteri_gl_texture now = *t;
+        *t = v->before;
+        v->before = now;
+    }
+    if (result == SCATTER_OK)
+        result = scatteri_gl_size_texture(f, t, scatteri_gl_field_format(f), g->nx, g->ny, g->nz);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_stream(f, t, g->density, goes_on);
+    v->held = *g;
+    return SCATTER_OK;
+}
+
 static scatter_result scatteri_gl_send_grids(scatter_gl *f)
 {
-    const scatter_medium *m = &f->medium.desc;
-    scatter_result result = scatteri_gl_room_for_grids(f, (int)m->grid_count);
-    size_t i;
-    for (i = 0; i < m->grid_count && result == SCATTER_OK; i++) {
-        const scatter_grid *g = &m->grids[i];
-        result = scatteri_gl_check_range(f, (int)i);
-        if (result != SCATTER_OK)
-            break;
-        result = scatteri_gl_size_texture(f, &f->grids[i], scatteri_gl_field_format(f), g->nx,
-                                          g->ny, g->nz);
-        if (result == SCATTER_OK)
-            scatteri_gl_upload(f, &f->grids[i], g->ny, g->density);
-    }
+    const int count = (int)f->medium.desc.grid_count;
+    scatter_result result = scatteri_gl_room_for_grids(f, count);
+    int i;
+    for (i = 0; i < count && result == SCATTER_OK; i++)
+        result = scatteri_gl_send_grid(f, i);
     return result;
 }
 

@@ -1103,6 +1103,108 @@ static void test_quiet_frames(gl_rig *rig)
     }
 }
 
+/* Voxels that change each frame, as a simulation gives them: from the third frame on nothing is made, what one frame reads
+   the next does not write, and each looks as a fog that knows only its voxels. */
+static void stream_frames(gl_rig *rig, int half_float)
+{
+    gl_fog f, alone;
+    GLuint read[3] = {0, 0, 0};
+    quiet before;
+    uint64_t seed = 5;
+    int frame, i;
+    gl_fog_open(rig, &f);
+    gl_fog_open(rig, &alone);
+    f.desc.half_float = alone.desc.half_float = half_float;
+    put_scene(&f, 1, 1);
+    start(&f);
+    for (frame = 0; frame < 6; frame++) {
+        gl_picture seen, expected;
+        for (i = 0; i < 60; i++)
+            f.world.voxels[0][i] = check_uniform(&seed, 0, 2);
+        f.world.grids[0].version++;
+        if (frame == 2)
+            before = listen_to(rig, &f);
+        assert_call(&f, SET_MEDIUM);
+        assert_call(&f, UPDATE);
+        seen = picture_of(rig, &f, 1);
+        assert_true(frame < 2 || is_quiet(rig, &f, &before));
+        read[frame % 3] = f.fog->grids[0].name;
+        assert_true(read[frame % 3] != read[(frame + 2) % 3]);
+        put_scene(&alone, 1, 1);
+        memcpy(alone.world.voxels[0], f.world.voxels[0], 60 * sizeof(float));
+        expected = picture_alone(rig, &alone);
+        assert_true(is_same(&seen, &expected));
+    }
+    f.world.grids[0].nx = 4; /* another size in between */
+    assert_call(&f, SET_MEDIUM);
+    assert_false(is_quiet(rig, &f, &before)); /* planted: a texture is made and heard */
+    f.world.grids[0].nx = 5;
+    assert_call(&f, SET_MEDIUM);
+    assert_call(&f, UPDATE);
+    before = listen_to(rig, &f);
+    for (frame = 0; frame < 3; frame++) {
+        f.world.grids[0].version++;
+        assert_call(&f, SET_MEDIUM);
+        assert_call(&f, UPDATE);
+        before = frame == 0 ? listen_to(rig, &f) : before;
+    }
+    assert_true(is_quiet(rig, &f, &before));
+    stop(rig, &f);
+}
+
+static void test_streaming(gl_rig *rig)
+{
+    stream_frames(rig, 0);
+    stream_frames(rig, 1);
+}
+
+/* Voxels that stay are not sent again when something else of the medium changes. */
+static void test_voxels_that_stay(gl_rig *rig)
+{
+    gl_picture a, b;
+    unsigned name;
+    gl_fog f;
+    gl_fog_open(rig, &f);
+    put_scene(&f, 2, 1);
+    start(&f);
+    name = f.fog->grids[0].name;
+    f.world.gaussians[0].c *= 2;
+    f.world.voxels[1][3] += 1;
+    f.world.grids[1].version++;
+    assert_call(&f, SET_MEDIUM);
+    assert_call(&f, UPDATE);
+    a = picture_of(rig, &f, 1);
+    assert_int_equal(f.fog->grids[0].name, name);
+    assert_int_equal(f.fog->voxels[0].before.name, 0); /* and take no second texture */
+    assert_true(f.fog->voxels[1].before.name != 0);
+    stop(rig, &f);
+    b = picture_alone(rig, &f);
+    assert_true(is_same(&a, &b));
+}
+
+/* 16 bits: those that C would round to, by the definition of the format. */
+static void test_halves(gl_rig *rig)
+{
+    static const float edges[] = {0, 5.9604645e-8f, 2.9802322e-8f, 2.9802326e-8f, 6.1035156e-5f, 6.1e-5f, 1, 65504,
+                                  1.00048828125f, 1.00146484375f, 0.99975586f, 65503.9f};
+    uint64_t seed = 3;
+    int i;
+    (void)rig;
+    for (i = 0; i < 20000; i++) {
+        const float v = i < (int)CHECK_COUNT(edges)
+                            ? edges[i]
+                            : fminf(powf(2.0f, check_uniform(&seed, -27, 16)), 65504.0f);
+        int exponent;
+        double step, nearest;
+        const unsigned half = scatteri_gl_half(v), e = half >> 10, m = half & 1023u;
+        const double value = e ? ldexp(1024.0 + m, (int)e - 25) : ldexp((double)m, -24);
+        frexp((double)v, &exponent);
+        step = ldexp(1, exponent < -13 ? -24 : exponent - 11);
+        nearest = nearbyint((double)v / step) * step; /* ties to even */
+        assert_true(value == nearest);
+    }
+}
+
 /* An update fills what changed: nothing for colours, depth for lights, all for the medium. */
 static void test_quiet_updates(gl_rig *rig)
 {
@@ -1184,6 +1286,9 @@ int main(void)
         {"out of memory", test_out_of_memory},
         {"quiet frames", test_quiet_frames},
         {"quiet updates", test_quiet_updates},
+        {"streaming of voxels", test_streaming},
+        {"voxels that stay", test_voxels_that_stay},
+        {"rounding to 16 bits", test_halves},
         {"noise is heard", test_noise_is_heard},
     };
     return gl_rig_run_all(cases, CHECK_COUNT(cases));
