@@ -399,7 +399,7 @@ SCATTER_API float scatter_depth_at(const scatter_depth *depth, scatter_vec3 x);
    2 degrees at least as much light as each other light gets) becomes a light of its own, first in the
    list. Lights that nothing is left for are black and shine down.
    Moving the map by whole columns turns the lights of the median cut; those of k-means, too, by whole
-   cells (1/256 of the width). Allocates, and releases again, 4 bytes per texel, 1.1 MB for k-means and
+   cells (1/128 of the width). Allocates, and releases again, 4 bytes per texel, 0.3 MB for k-means and
    tables of rows and columns. O(texels log count), on the calling thread; times are in
    docs/report.md. `host` may be NULL. On failure `lights` stay as they are. */
 SCATTER_API scatter_result scatter_constellation(const scatter_host *host, const scatter_environment *map,
@@ -1233,16 +1233,14 @@ static scatter_result scatteri_parallel(const scatteri_stage *stage, int count,
 enum {
     SCATTERI_LIGHTS = 256,     /* of a constellation, at most */
     SCATTERI_MAP_EDGE = 65536, /* texels along an edge of a map, at most */
-    SCATTERI_FINE = 128, /* columns that a map needs, half of it rows; others are refined first */
-    SCATTERI_CELLS_X = 256, /* cells that k-means works on, at most */
-    SCATTERI_CELLS_Y = 128,
+    SCATTERI_FINE = 128, /* columns of cells for k-means; maps of fewer are refined; half of it rows */
     SCATTERI_DISCS = 1024, /* bright spots that are looked at, at most */
-    SCATTERI_RELAX = 4,    /* Lloyd steps after each insertion */
+    SCATTERI_RELAX = 8,    /* Lloyd steps after each insertion */
     SCATTERI_ROUNDS = 24   /* of insertions, at most: 8 if none of the lights is lost again */
 };
 
 #define SCATTERI_PI 3.14159265358979323846
-#define SCATTERI_SUN_ANGLE 0.0349 /* rad: 2 degrees, within which a sun lies */
+#define SCATTERI_SUN_ANGLE 0.0349 /* rad: 2 degrees, within which a sun lies; at least 2 texels */
 #define SCATTERI_SUN_EDGE 0.1f    /* of its brightest texel, the faintest that belongs to a sun */
 #define SCATTERI_SUN_RING 0.05    /* of its energy, what may lie around it */
 #define SCATTERI_TAKEN (-FLT_MAX) /* luminance of a texel that belongs to a sun */
@@ -1266,11 +1264,16 @@ typedef struct scatteri_patch {
     int whole; /* it cannot be cut */
 } scatteri_patch;
 
-/* k-means works on these: first moment and irradiance. */
+/* k-means works on these. */
 typedef struct scatteri_cells {
-    int count; /* a multiple of SCATTERI_LANES */
-    float *x, *y, *z, *rgb, *best;
-    int *owner;
+    int count;         /* a multiple of SCATTERI_LANES */
+    int sx, sy;        /* texels along the edges of a cell */
+    int columns;       /* of cells */
+    float *x, *y, *z;  /* first moment */
+    float *size;       /* its length: nearly the energy */
+    float *best;       /* product of the moment and the direction of the nearest centre */
+    float *rgb;        /* irradiance */
+    int *owner;        /* number of the nearest centre */
 } scatteri_cells;
 
 typedef struct scatteri_sky {
@@ -1285,7 +1288,6 @@ typedef struct scatteri_sky {
     float *luminance;    /* SCATTERI_TAKEN in suns, negative where the search for suns has been */
     scatteri_cells cells;
     double energy; /* outside suns */
-    int columns;   /* of cells */
 } scatteri_sky;
 
 /* --- texels --- */
@@ -1425,11 +1427,16 @@ static void scatteri_add_span(const scatteri_sky *sky, int y, int x0, int count,
     scatteri_add_to_part(part, &sky->band[y], &sum);
 }
 
+static double scatteri_length3(const double v[3])
+{
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
 /* The light that stands for a part of the map. Where nothing comes from, or as much from
    everywhere, its direction is down. */
 static scatter_light scatteri_light_of(const scatteri_sky *sky, const scatteri_part *part)
 {
-    const double *m = part->moment, length = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]);
+    const double *m = part->moment, length = scatteri_length3(m);
     const double scale = sky->map.scale != 0.0f ? (double)sky->map.scale : 1.0;
     scatter_light light;
     memset(&light, 0, sizeof light);
@@ -1686,7 +1693,7 @@ static int scatteri_take_suns(scatteri_sky *sky, int count, scatter_light *light
 {
     const double tall = SCATTERI_PI / sky->map.height, wide = 2.0 * SCATTERI_PI / sky->map.width;
     const double texel = tall > wide ? tall : wide;
-    const double radius = SCATTERI_SUN_ANGLE > 1.5 * texel ? SCATTERI_SUN_ANGLE : 1.5 * texel;
+    const double radius = SCATTERI_SUN_ANGLE > 2.0 * texel ? SCATTERI_SUN_ANGLE : 2.0 * texel;
     const double area = 2.0 * SCATTERI_PI * (1.0 - cos(radius + texel));
     int found = 0, look;
     for (look = 0; look < SCATTERI_DISCS && found < count - 1; look++) {
@@ -1857,32 +1864,28 @@ static void scatteri_median_cut(scatteri_sky *sky, int count, scatter_light *lig
 
 /* --- k-means --- */
 
-static int scatteri_cell_size(int edge, int cells)
-{
-    return (edge - 1) / cells + 1;
-}
-
 static scatter_result scatteri_reserve_cells(scatteri_sky *sky)
 {
     scatteri_cells *c = &sky->cells;
-    const int sx = scatteri_cell_size(sky->map.width, SCATTERI_CELLS_X);
-    const int sy = scatteri_cell_size(sky->map.height, SCATTERI_CELLS_Y);
-    const int columns = (sky->map.width - 1) / sx + 1, rows = (sky->map.height - 1) / sy + 1;
     size_t n;
     scatter_result result;
-    c->count = (columns * rows + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
+    c->sx = (sky->map.width - 1) / SCATTERI_FINE + 1;
+    c->sy = (sky->map.height - 1) / (SCATTERI_FINE / 2) + 1;
+    c->columns = (sky->map.width - 1) / c->sx + 1;
+    c->count = c->columns * ((sky->map.height - 1) / c->sy + 1);
+    c->count = (c->count + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
     n = (size_t)c->count;
-    result = scatteri_reserve(sky->host, &sky->memory, n * (7 * sizeof(float) + sizeof(int)),
+    result = scatteri_reserve(sky->host, &sky->memory, n * (8 * sizeof(float) + sizeof(int)),
                               "the cells of an environment");
     if (result != SCATTER_OK)
         return result;
     c->x = (float *)sky->memory.data;
     c->y = c->x + n;
     c->z = c->y + n;
-    c->best = c->z + n;
+    c->size = c->z + n;
+    c->best = c->size + n;
     c->rgb = c->best + n;
     c->owner = (int *)(c->rgb + 3 * n);
-    sky->columns = columns;
     return SCATTER_OK;
 }
 
@@ -1890,18 +1893,17 @@ static scatter_result scatteri_reserve_cells(scatteri_sky *sky)
 static void scatteri_set_cell(const scatteri_sky *sky, int cell)
 {
     const scatteri_cells *c = &sky->cells;
-    const int sx = scatteri_cell_size(sky->map.width, SCATTERI_CELLS_X);
-    const int sy = scatteri_cell_size(sky->map.height, SCATTERI_CELLS_Y);
-    const int x0 = cell % sky->columns * sx, y0 = cell / sky->columns * sy;
-    const int nx = sx < sky->map.width - x0 ? sx : sky->map.width - x0;
+    const int x0 = cell % c->columns * c->sx, y0 = cell / c->columns * c->sy;
+    const int nx = c->sx < sky->map.width - x0 ? c->sx : sky->map.width - x0;
     scatteri_part part;
     int y;
     memset(&part, 0, sizeof part);
-    for (y = y0; y < y0 + sy && y < sky->map.height; y++)
+    for (y = y0; y < y0 + c->sy && y < sky->map.height; y++)
         scatteri_add_span(sky, y, x0, nx, &part);
     c->x[cell] = (float)part.moment[0];
     c->y[cell] = (float)part.moment[1];
     c->z[cell] = (float)part.moment[2];
+    c->size[cell] = (float)scatteri_length3(part.moment);
     for (y = 0; y < 3; y++)
         c->rgb[3 * cell + y] = (float)part.rgb[y];
 }
@@ -1939,24 +1941,25 @@ SCATTERI_HOT static void scatteri_find_owners(const scatteri_cells *c,
     }
 }
 
-/* A Lloyd step's second half: every centre moves to the centroid of its cells; those without light
-   go. */
+/* A Lloyd step's second half: every centre moves to the centroid of its cells, if it has one; those
+   without light go. */
 static void scatteri_move_centers(const scatteri_cells *c, scatteri_centers *center)
 {
-    double sum[SCATTERI_LIGHTS][3];
+    double sum[SCATTERI_LIGHTS][4];
     int i, k, n = 0;
     memset(sum, 0, sizeof sum);
     for (i = 0; i < c->count; i++) {
         double *s = sum[c->owner[i]];
-        s[0] += c->x[i], s[1] += c->y[i], s[2] += c->z[i];
+        s[0] += c->x[i], s[1] += c->y[i], s[2] += c->z[i], s[3] += c->size[i];
     }
     for (k = 0; k < center->count; k++) {
-        const double *s = sum[k], length = sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]);
-        if (!(length > 0.0))
+        const double *s = sum[k], length = scatteri_length3(s);
+        const int moves = length > 1e-6 * s[3];
+        if (!(s[3] > 0.0))
             continue;
-        center->x[n] = (float)(s[0] / length);
-        center->y[n] = (float)(s[1] / length);
-        center->z[n++] = (float)(s[2] / length);
+        center->x[n] = moves ? (float)(s[0] / length) : center->x[k];
+        center->y[n] = moves ? (float)(s[1] / length) : center->y[k];
+        center->z[n++] = moves ? (float)(s[2] / length) : center->z[k];
     }
     center->count = n;
 }
@@ -1970,20 +1973,18 @@ static void scatteri_relax(const scatteri_cells *c, scatteri_centers *center, in
     scatteri_find_owners(c, center);
 }
 
-/* What a cell loses by its centre's direction: energy times 1 - cos. */
+/* What a cell loses by its centre's direction: energy times 1 - cos, if it is more than rounding. */
 static float scatteri_cell_loss(const scatteri_cells *c, int i)
 {
-    const float size = sqrtf(c->x[i] * c->x[i] + c->y[i] * c->y[i] + c->z[i] * c->z[i]);
-    const float loss = size - c->best[i];
-    return loss > 1e-5f * size ? loss : 0.0f;
+    const float loss = c->size[i] - c->best[i];
+    return loss > 1e-5f * c->size[i] ? loss : 0.0f;
 }
 
 static void scatteri_add_center(scatteri_centers *center, const scatteri_cells *c, int i)
 {
-    const double x = c->x[i], y = c->y[i], z = c->z[i], length = sqrt(x * x + y * y + z * z);
-    center->x[center->count] = (float)(x / length);
-    center->y[center->count] = (float)(y / length);
-    center->z[center->count++] = (float)(z / length);
+    center->x[center->count] = c->x[i] / c->size[i];
+    center->y[center->count] = c->y[i] / c->size[i];
+    center->z[center->count++] = c->z[i] / c->size[i];
 }
 
 /* In every centre's share the cell that loses most; then the worst of these become centres, too:
@@ -2012,12 +2013,11 @@ static int scatteri_insert(const scatteri_cells *c, scatteri_centers *center, in
 
 static void scatteri_add_cell(const scatteri_cells *c, int i, scatteri_part *part)
 {
-    const double x = c->x[i], y = c->y[i], z = c->z[i];
     int k;
     for (k = 0; k < 3; k++)
         part->rgb[k] += c->rgb[3 * i + k];
-    part->energy += sqrt(x * x + y * y + z * z);
-    part->moment[0] += x, part->moment[1] += y, part->moment[2] += z;
+    part->energy += c->size[i];
+    part->moment[0] += c->x[i], part->moment[1] += c->y[i], part->moment[2] += c->z[i];
 }
 
 /* Kollig and Keller's way: lights are put where most is lost, at most one into each light's share at

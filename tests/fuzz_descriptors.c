@@ -500,6 +500,35 @@ static void try_tone(input *in) {
     free(rgb);
 }
 
+/* Few texels and few lights: what is refined and clustered is large enough anyway. */
+static void try_environment(input *in, books *b, const scatter_host *host) {
+    float rgb[48];
+    scatter_environment map;
+    scatter_light lights[8];
+    scatter_vec3 seen;
+    int i, count = whole(in, 1, 8), kind = whole(in, 0, 1);
+    for (i = 0; i < 48; i++)
+        rgb[i] = number(in, 0.0f, 4.0f);
+    map.rgb = (const float *)array(in, rgb);
+    map.width = whole(in, 1, 4);
+    map.height = whole(in, 1, 4);
+    map.scale = number(in, 0.0f, 2.0f);
+    if (map.width > 4 || map.height > 4)
+        map.width = map.height = INT_MAX;
+    if (!succeeded(b, scatter_constellation(host, &map, (scatter_constellation_method)kind,
+                                            count > 8 ? INT_MAX : count, lights)))
+        return;
+    for (i = 0; i < count; i++) {
+        const scatter_light *l = &lights[i];
+        demand_between(&l->intensity.x, 3, 0.0f, 1e18f, "a light is negative or too bright");
+        demand_between(&l->direction.x, 3, -1.0001f, 1.0001f, "a direction is not a unit vector");
+    }
+    scatter_turn_lights(lights, (size_t)count, vector(in, -1.0f, 1.0f), number(in, -7.0f, 7.0f),
+                        lights);
+    seen = scatter_environment_radiance(&map, vector(in, -1.0f, 1.0f));
+    demand_between(&seen.x, 3, 0.0f, 1e18f, "the radiance of a map is negative or too bright");
+}
+
 /* The default has 64^3 cells, too slow here where it samples voxels. */
 static const scatter_quality *choose_quality(input *in, const world *w) {
     return next(in) == 255 && w->scene.medium.grid_count == 0 ? NULL : &w->quality;
@@ -540,6 +569,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     host.progress = progress;
     try_context(&in, &b, &host);
     try_tone(&in);
+    try_environment(&in, &b, &host);
     demand(b.live == 0, "memory was leaked");
     return 0;
 }
