@@ -11,7 +11,7 @@
            scatter_update(context, &file.scene, NULL), ...;
        scene_free(&file);
 
-   Sections: types, names, reading numbers, directives, the reader, camera, surfaces. */
+   Sections: types, names, reading numbers, directives, the reader, camera, skies, surfaces. */
 #ifndef SCATTER_EXAMPLES_SCENE_H
 #define SCATTER_EXAMPLES_SCENE_H
 
@@ -31,6 +31,12 @@ typedef struct scene_shape {
     scatter_vec3 albedo;
 } scene_shape;
 
+/* A photographed sky. Only its lights are in the scene; who wants to show it has the map. */
+typedef struct scene_sky {
+    scatter_environment map;
+    size_t first, count; /* of scene_file.lights */
+} scene_sky;
+
 typedef struct scene_file {
     scatter_scene scene; /* scene.user is this struct: set it again if the struct moves */
     int width, height;   /* of `image` */
@@ -40,6 +46,8 @@ typedef struct scene_file {
     float extent; /* perspective: vertical field of view, radians; orthographic: height, m */
     scene_shape *shapes;
     size_t shape_count;
+    scene_sky *skies;
+    size_t sky_count;
     scatter_light *lights; /* the arrays that `scene` points to, with the voxels of the grids */
     scatter_height *heights;
     scatter_gaussian *gaussians;
@@ -49,13 +57,17 @@ typedef struct scene_file {
 
 /* 0, or else `error` holds "path:line: expected ..." and the rest is empty. */
 static inline int scene_read(scene_file *out, const char *path);
-/* From memory. Paths of grids are relative to `path`; NULL refuses grids. */
+/* From memory. Paths of grids and skies are relative to `path`; NULL refuses both. */
 static inline int scene_parse(scene_file *out, const char *text, size_t bytes, const char *path);
 /* Needed after success only, harmless after failure. */
 static inline void scene_free(scene_file *file);
 
 /* The camera at another size: the field of view stays, the aspect becomes width / height. */
 static inline scatter_view scene_view(const scene_file *file, int width, int height);
+
+/* The lights of the skies turned about +y by `angle`, radians, right-handed: +z goes to +x. `turned`
+   has the size of file->lights, which it may be; other lights in it are left alone. */
+static inline void scene_turn_skies(const scene_file *file, float angle, scatter_light *turned);
 
 /* What scene.surface and scene.visible of a file with shapes are; `user` is the scene_file. */
 static inline int scene_surface(void *user, scatter_vec3 origin, scatter_vec3 direction,
@@ -408,6 +420,17 @@ static inline int scene_path(const scene_reader *r, const char *name, char *path
     return length < 0 || (size_t)length >= room;
 }
 
+/* A word of the line that is a file, as a path: relative to the scene file. */
+static inline int scene_file_name(scene_reader *r, const char *expected, char *path, size_t room) {
+    char name[PATH_MAX];
+    size_t length = scene_word(r, name, sizeof name);
+    if (length == 0 || length >= sizeof name)
+        return scene_fail(r, "expected '%s'", expected);
+    if (!r->path)
+        return scene_fail(r, "expected a scene without files, for it comes from memory");
+    return scene_path(r, name, path, room) ? scene_fail(r, "expected a shorter path") : 0;
+}
+
 /* Reads the voxels and appends the grid. A SCALE of 0 is stored as voxels of 0, for
    scatter_grid.scale = 0 would mean 1. */
 static inline int scene_append_grid(scene_reader *r, const char *path) {
@@ -437,19 +460,14 @@ static inline int scene_append_grid(scene_reader *r, const char *path) {
 }
 
 static inline int scene_grid(scene_reader *r) {
-    char name[PATH_MAX], path[PATH_MAX];
-    size_t length = scene_word(r, name, sizeof name);
-    if (length == 0 || length >= sizeof name)
-        return scene_fail(r, "expected 'grid FILE X0 Y0 Z0 X1 Y1 Z1 SCALE'");
+    char path[PATH_MAX];
+    if (scene_file_name(r, "grid FILE X0 Y0 Z0 X1 Y1 Z1 SCALE", path, sizeof path))
+        return 1;
     r->directive = "grid FILE";
     if (scene_numbers(r, "X0 Y0 Z0 X1 Y1 Z1 SCALE"))
         return 1;
     if (!scene_all_less(r->v, r->v + 3) || !(r->v[6] >= 0))
         return scene_fail(r, "expected X0 < X1, Y0 < Y1, Z0 < Z1 and SCALE >= 0");
-    if (!r->path)
-        return scene_fail(r, "expected a scene without grids, for it comes from memory");
-    if (scene_path(r, name, path, sizeof path))
-        return scene_fail(r, "expected a shorter path of the grid");
     return scene_append_grid(r, path);
 }
 
@@ -513,6 +531,54 @@ static inline int scene_light_directional(scene_reader *r, scatter_light *light)
     return scene_append_light(r, light);
 }
 
+static inline void scene_log(void *user, scatter_result result, const char *sentence) {
+    (void)result;
+    scene_fail((scene_reader *)user, "%s", sentence);
+}
+
+/* The lights of the sky, behind those that are there. */
+static inline int scene_append_sky(scene_reader *r, const scatter_environment *map, int count) {
+    scatter_light lights[256];
+    scatter_host host;
+    scene_sky sky = {*map, r->out->scene.light_count, (size_t)count};
+    memset(&host, 0, sizeof host);
+    host.user = r;
+    host.log = scene_log;
+    void *more = scene_append(r, r->out->skies, r->out->sky_count, sizeof sky);
+    if (!more)
+        return 1;
+    r->out->skies = (scene_sky *)more;
+    if (scatter_constellation(&host, map, SCATTER_CONSTELLATION_MEDIAN_CUT, count, lights))
+        return 1;
+    for (int i = 0; i < count; i++)
+        if (scene_append_light(r, &lights[i]))
+            return 1;
+    r->out->skies[r->out->sky_count++] = sky;
+    return 0;
+}
+
+static inline int scene_light_environment(scene_reader *r) {
+    char path[PATH_MAX];
+    file_picture picture;
+    file_error error;
+    if (scene_file_name(r, "light environment FILE SCALE COUNT", path, sizeof path))
+        return 1;
+    r->directive = "light environment FILE";
+    if (scene_numbers(r, "SCALE COUNT"))
+        return 1;
+    if (!(r->v[0] > 0))
+        return scene_fail(r, "expected a SCALE above 0");
+    if (!(r->v[1] >= 1 && r->v[1] <= 256 && r->v[1] == floorf(r->v[1])))
+        return scene_fail(r, "expected a COUNT of 1 to 256 lights");
+    if (file_hdr_read(path, &picture, &error))
+        return scene_fail(r, "%s", error.text);
+    scatter_environment map = {picture.rgb, picture.width, picture.height, r->v[0]};
+    int failed = scene_append_sky(r, &map, (int)r->v[1]);
+    if (failed)
+        free(picture.rgb);
+    return failed;
+}
+
 static inline int scene_light(scene_reader *r) {
     scatter_light light;
     char kind[16];
@@ -525,9 +591,8 @@ static inline int scene_light(scene_reader *r) {
     if (strcmp(kind, "directional") == 0)
         return scene_light_directional(r, &light);
     if (strcmp(kind, "environment") == 0)
-        return scene_fail(
-            r, "light environment is not supported yet, expected 'point', 'spot' or 'directional'");
-    return scene_fail(r, "expected 'light point', 'light spot' or 'light directional'");
+        return scene_light_environment(r);
+    return scene_fail(r, "expected 'light point', 'spot', 'directional' or 'environment'");
 }
 
 static inline int scene_append_shape(scene_reader *r, const scene_shape *shape) {
@@ -682,6 +747,9 @@ static inline void scene_connect(scene_file *out) {
 static inline void scene_free(scene_file *file) {
     for (size_t i = 0; i < file->scene.medium.grid_count; i++)
         free((void *)file->grids[i].density);
+    for (size_t i = 0; i < file->sky_count; i++)
+        free((void *)file->skies[i].map.rgb);
+    free(file->skies);
     free(file->grids);
     free(file->gaussians);
     free(file->heights);
@@ -729,6 +797,16 @@ static inline scatter_view scene_view(const scene_file *file, int width, int hei
     return file->orthographic
                ? scatter_view_orthographic(file->eye, file->target, file->up, file->extent, aspect)
                : scatter_view_perspective(file->eye, file->target, file->up, file->extent, aspect);
+}
+
+/* ------------------------------------------------------------------------------------- >>skies */
+
+static inline void scene_turn_skies(const scene_file *file, float angle, scatter_light *turned) {
+    for (size_t i = 0; i < file->sky_count; i++) {
+        const scene_sky *sky = &file->skies[i];
+        scatter_turn_lights(file->lights + sky->first, sky->count, scatter_v3(0, 1, 0), angle,
+                            turned + sky->first);
+    }
 }
 
 /* ---------------------------------------------------------------------------------- >>surfaces */

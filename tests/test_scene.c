@@ -16,11 +16,27 @@
 #define FILE_VOXELS_MAX (1u << 22) /* so that a damaged size cannot take long */
 #include "../examples/scene.h"
 
+/* Another reader of Radiance pictures, to compare with. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wsign-compare"
+#pragma GCC diagnostic ignored "-Wunused-function"
+#endif
+#define STBI_ONLY_HDR
+#define STB_IMAGE_IMPLEMENTATION
+#include <stb/stb_image.h>
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
+
 #include <dirent.h>
 #include <sys/stat.h>
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 #define VOLUMES "../shared/data/volumes/"
+#define SKIES "../shared/data/hdr/"
 
 /* ----------------------------------------------------------------------------------- >>helpers */
 
@@ -325,7 +341,20 @@ static const char *const bad_lines[][2] = {
     {"phase isotropic 1", "nothing behind"},
     {"light", "light point"},
     {"light sun 1", "light point"},
-    {"light environment a.hdr 1 20", "light environment is not supported yet"},
+    {"light environment", "light environment FILE SCALE COUNT"},
+    {"light environment a.hdr", "SCALE is missing"},
+    {"light environment a.hdr 1", "COUNT is missing"},
+    {"light environment a.hdr 1 20 1", "nothing behind"},
+    {"light environment a.hdr 0 20", "SCALE above 0"},
+    {"light environment a.hdr -1 20", "SCALE above 0"},
+    {"light environment a.hdr 1e-60 20", "SCALE above 0"},
+    {"light environment a.hdr 1 0", "COUNT of 1 to 256"},
+    {"light environment a.hdr 1 257", "COUNT of 1 to 256"},
+    {"light environment a.hdr 1 1.5", "COUNT of 1 to 256"},
+    {"light environment a.hdr 1 -1", "COUNT of 1 to 256"},
+    {"light environment a.hdr x 1", "expected a number, found 'x'"},
+    {"light environment a.png 1 20", "a.png: expected a file name ending in .hdr"},
+    {"light environment no/such.hdr 1 20", "dir/no/such.hdr: cannot be opened"},
     {"light point 0 0 0 1 1", "B is missing"},
     {"light point 0 0 0 1 1 -1", "intensity >= 0"},
     {"light point 0 0 0 1 1 1 -1", "RADIUS >= 0"},
@@ -757,6 +786,132 @@ static void pictures_are_written(void **state) {
     }
 }
 
+/* --------------------------------------------------------------------------------------- >>hdr */
+
+#define HDR_HEAD "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n"
+
+/* 2 x 1 pixel by pixel: 1 0.5 0.25, for 2^(129 - 136) is 1/128; exponent 0 is black. */
+static const char hdr_plain[] = HDR_HEAD "-Y 1 +X 2\n\x80\x40\x20\x81\x09\x09\x09\0";
+/* 8 x 1 in runs: red 1 and then 7 times 2, green 8 times 3, blue in bytes 0 to 7, exponents 136. */
+static const char hdr_runs[] = HDR_HEAD "-Y 1 +X 8\n\x02\x02\0\x08\x01\x01\x87\x02\x88\x03\x08"
+                                        "\0\x01\x02\x03\x04\x05\x06\x07\x88\x88";
+
+static int parse_hdr(const char *data, size_t bytes) {
+    file_picture in;
+    file_error error;
+    int failed = file_hdr_parse(data, bytes, "cut", &in, &error);
+    if (failed && (in.rgb || strncmp(error.text, "cut: ", 5) != 0))
+        return 0;
+    free(in.rgb);
+    return failed;
+}
+
+static void hdr_pixels_arrive(void **state) {
+    file_picture in;
+    file_error error;
+    (void)state;
+    assert_int_equal(file_hdr_parse(hdr_plain, sizeof hdr_plain - 1, "x", &in, &error), 0);
+    assert_true(in.width == 2 && in.height == 1);
+    assert_true(is_vec3(scatter_v3(in.rgb[0], in.rgb[1], in.rgb[2]), 1, 0.5, 0.25));
+    assert_true(is_vec3(scatter_v3(in.rgb[3], in.rgb[4], in.rgb[5]), 0, 0, 0));
+    free(in.rgb);
+    assert_int_equal(file_hdr_parse(hdr_runs, sizeof hdr_runs - 1, "x", &in, &error), 0);
+    assert_int_equal(in.width, 8);
+    for (int x = 0; x < 8; x++)
+        assert_true(is_vec3(scatter_v3(in.rgb[3 * x], in.rgb[3 * x + 1], in.rgb[3 * x + 2]),
+                            x ? 2 : 1, 3, x));
+    free(in.rgb);
+    static const char exposed[] = "#?RGBE\r\n# x\r\nEXPOSURE=2\r\nFORMAT=32-bit_rle_rgbe\r\n"
+                                  "EXPOSURE= 4\r\n\r\n-Y 1 +X 1\r\n\x80\x40\x20\x84";
+    assert_int_equal(file_hdr_parse(exposed, sizeof exposed - 1, "x", &in, &error), 0);
+    assert_true(is_vec3(scatter_v3(in.rgb[0], in.rgb[1], in.rgb[2]), 1, 0.5, 0.25));
+    free(in.rgb);
+}
+
+/* Every cut is refused; a byte more is not, for other programs do not mind it either. */
+static void wrong_hdr_is_refused(void **state) {
+    static const char *const bad[] = {
+        "#?RADIANCE\n\n-Y 1 +X 1\n1234",
+        "#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n1234",
+        "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n-Y 1 +X 1\n1234",
+        "RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n1234",
+        "#?RADIANCE\nEXPOSURE=0\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n1234",
+        "#?RADIANCE\nEXPOSURE=x\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n1234",
+        HDR_HEAD "+Y 1 +X 1\n1234",
+        HDR_HEAD "-Y 1 -X 1\n1234",
+        HDR_HEAD "+X 1 -Y 1\n1234",
+        HDR_HEAD "-Y 0 +X 1\n1234",
+        HDR_HEAD "-Y 1 +X 0\n1234",
+        HDR_HEAD "-Y 1.5 +X 1\n1234",
+        HDR_HEAD "-Y -1 +X -1\n1234",
+        HDR_HEAD "-Y 1 +X 1 \n1234",
+        HDR_HEAD "-Y 1000000 +X 1000000\n1234",
+        "#?RADIANCE\nEXPOSURE=0.1\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\xff\xff\xff\xff",
+    };
+    (void)state;
+    for (size_t i = 0; i < COUNT(bad); i++)
+        assert_int_equal(parse_hdr(bad[i], strlen(bad[i])), 1);
+    for (size_t cut = 0; cut < sizeof hdr_runs - 1; cut++) {
+        char *copy = (char *)malloc(cut ? cut : 1);
+        memcpy(copy, hdr_runs, cut);
+        assert_int_equal(parse_hdr(copy, cut), 1);
+        free(copy);
+        if (cut < sizeof hdr_plain - 1)
+            assert_int_equal(parse_hdr(hdr_plain, cut), 1);
+    }
+    assert_int_equal(parse_hdr(hdr_runs, sizeof hdr_runs), 0);
+    char damaged[sizeof hdr_runs];
+    memcpy(damaged, hdr_runs, sizeof damaged);
+    damaged[sizeof HDR_HEAD - 1 + 10 + 3] = 9; /* a row of nine pixels */
+    assert_int_equal(parse_hdr(damaged, sizeof damaged), 1);
+    memcpy(damaged, hdr_runs, sizeof damaged);
+    damaged[sizeof damaged - 3] = (char)0x89; /* nine times, of eight */
+    assert_int_equal(parse_hdr(damaged, sizeof damaged), 1);
+}
+
+/* Whether stb reads the same numbers from this file. */
+static int agrees_with_stb(const char *path) {
+    file_picture ours;
+    file_error error;
+    int width, height, channels;
+    assert_int_equal(file_hdr_read(path, &ours, &error), 0);
+    float *theirs = stbi_loadf(path, &width, &height, &channels, 3);
+    assert_true(theirs != NULL);
+    size_t bytes = (size_t)ours.width * (size_t)ours.height * 3 * sizeof(float);
+    int same = width == ours.width && height == ours.height &&
+               memcmp(theirs, ours.rgb, bytes) == 0;
+    ours.rgb[bytes / 8] += 1e-3f;
+    assert_true(memcmp(theirs, ours.rgb, bytes) != 0); /* planted: one number differs */
+    stbi_image_free(theirs);
+    free(ours.rgb);
+    return same;
+}
+
+static void hdr_agrees_with_stb(void **state) {
+    static const char *const maps[] = {SKIES "venice_sunset_1k.hdr", SKIES "kiara_1_dawn_1k.hdr",
+                                       SKIES "studio_small_03_1k.hdr",
+                                       SKIES "st_fagans_interior_1k.hdr"};
+    static float rgb[300 * 7 * 3];
+    file_picture picture = {rgb, 300, 7};
+    file_error error;
+    (void)state;
+    make_directory();
+    const char *path = in_directory(0, "a.hdr");
+    for (size_t i = 0; i < COUNT(rgb); i++)
+        rgb[i] = (float)(i / 600 % 2 ? exp(between(-30, 30)) : 1); /* rows of noise, and of runs */
+    for (picture.width = 300; picture.width > 4; picture.width -= 59) {
+        assert_int_equal(file_hdr_write(path, &picture, &error), 0);
+        assert_true(agrees_with_stb(path));
+    }
+    unlink(path);
+    remove_directory();
+    for (size_t i = 0; i < COUNT(maps); i++)
+        if (access(maps[i], R_OK) == 0)
+            assert_true(agrees_with_stb(maps[i]));
+        else
+            printf("skipped: no data (%s)\n", maps[i]);
+}
+
 /* ------------------------------------------------------------------------------------- >>grids */
 
 static void raw_grids_are_read(void **state) {
@@ -837,6 +992,42 @@ static void scenes_find_their_grids(void **state) {
                 strstr(f.error, "g_2x1x1_u8.raw: cannot be opened"));
     unlink(scene);
     remove_directory();
+}
+
+/* --------------------------------------------------------------------------------------- >>vol */
+
+static int parse_vol(const char *data, size_t bytes) {
+    file_grid grid;
+    file_error error;
+    int failed = file_vol_parse(data, bytes, "cut", &grid, &error);
+    if (failed && (grid.density || strncmp(error.text, "cut: expected", 13) != 0))
+        return 0;
+    file_grid_free(&grid);
+    return failed;
+}
+
+static void text_grids_are_read(void **state) {
+    static const char good[] = " 3\n1 2\n0 1 2\t3\r\n4 5";
+    static const char *const bad[] = {"",          "1 1",          "0 1 1 1",      "1.5 1 1 1 1",
+                                      "1 1 1 -1",  "1 1 1 x",      "1 1 1 nan",    "1 1 1 1 1",
+                                      "1 1 1 1 x", "2 1 1 1    ", "1 1 1 1e300", "1000000 9 9 1"};
+    file_grid grid;
+    file_error error;
+    (void)state;
+    assert_int_equal(file_vol_parse(good, sizeof good - 1, "x", &grid, &error), 0);
+    assert_true(grid.nx == 3 && grid.ny == 1 && grid.nz == 2);
+    for (int i = 0; i < 6; i++)
+        assert_true(fabs((double)grid.density[i] - i) < 1e-7);
+    file_grid_free(&grid);
+    for (size_t i = 0; i < COUNT(bad); i++)
+        assert_int_equal(parse_vol(bad[i], strlen(bad[i])), 1);
+    assert_true(cuts_are_refused(good, sizeof good - 1, parse_vol));
+    if (file_grid_read(VOLUMES "ispc_smoke_48x64x48.vol.txt", &grid, &error)) {
+        printf("skipped: no data\n");
+        skip();
+    }
+    assert_true(grid.nx == 48 && grid.ny == 64 && grid.nz == 48);
+    file_grid_free(&grid);
 }
 
 /* -------------------------------------------------------------------------------------- >>nvdb */
@@ -1130,6 +1321,120 @@ static void vdb_agrees_with_raw(void **state) {
     file_grid_free(&raw);
 }
 
+/* ------------------------------------------------------------------------------------- >>skies */
+
+enum { SKY_WIDTH = 4, SKY_HEIGHT = 2 }; /* stb writes rows of less than 8 pixels without runs */
+
+/* A scene beside a sky of these pixels; 0 if it could be read. */
+static int read_sky(scene_file *f, float *rgb, const char *line) {
+    char text[400];
+    file_picture sky = {rgb, SKY_WIDTH, SKY_HEIGHT};
+    file_error error;
+    make_directory();
+    const char *map = in_directory(0, "sky.hdr"), *scene = in_directory(1, "s.scatter");
+    assert_int_equal(file_hdr_write(map, &sky, &error), 0);
+    int length = snprintf(text, sizeof text, "%s%s\n", PRELUDE, line);
+    write_file(scene, text, (size_t)length);
+    int failed = scene_read(f, scene);
+    unlink(map);
+    unlink(scene);
+    remove_directory();
+    return failed;
+}
+
+/* How far the sum of the lights is from the integral of the radiance, relative. A row of this sky
+   covers half of the sphere. */
+static double energy_error(const scene_file *f, const float *rgb, double scale) {
+    double texel = 2 * 3.14159265358979 / SKY_WIDTH, error = 0;
+    for (int c = 0; c < 3; c++) {
+        double expected = 0, sum = 0;
+        for (int i = 0; i < SKY_WIDTH * SKY_HEIGHT; i++)
+            expected += scale * texel * (double)rgb[3 * i + c];
+        for (size_t i = f->skies[0].first; i < f->skies[0].first + f->skies[0].count; i++) {
+            const scatter_vec3 *e = &f->lights[i].intensity;
+            sum += (double)(c == 0 ? e->x : c == 1 ? e->y : e->z);
+        }
+        error = fmax(error, fabs(sum / expected - 1));
+    }
+    return error;
+}
+
+/* Values that RGBE holds exactly; 1e-5 for sums of floats. */
+static void skies_become_lights(void **state) {
+    static float rgb[SKY_WIDTH * SKY_HEIGHT * 3];
+    char line[100];
+    scene_file f;
+    (void)state;
+    for (int i = 0; i < (int)COUNT(rgb); i++)
+        rgb[i] = (float)(1 + i * 7 % 5);
+    for (int count = 1; count <= 256; count = count * 3 + 1) {
+        snprintf(line, sizeof line,
+                 "light point 0 9 0 1 1 1\nlight environment sky.hdr 2.5 %d\n"
+                 "light point 0 9 0 1 1 1",
+                 count);
+        assert_int_equal(read_sky(&f, rgb, line), 0);
+        assert_true(f.sky_count == 1 && f.skies[0].first == 1);
+        assert_int_equal(f.skies[0].count, count);
+        assert_int_equal(f.scene.light_count, count + 2);
+        for (int i = 1; i <= count; i++)
+            assert_int_equal(f.lights[i].kind, SCATTER_LIGHT_DIRECTIONAL);
+        assert_true(energy_error(&f, rgb, 2.5) < 1e-5);
+        f.skies[0].first = 0;
+        assert_true(energy_error(&f, rgb, 2.5) > 1e-5); /* planted: one light is another */
+        assert_true(f.skies[0].map.width == SKY_WIDTH && is_vec3(f.scene.background, 0, 0, 0));
+        scene_free(&f);
+    }
+}
+
+/* Light from +z, which a turn by 90 degrees brings to +x, and a lamp that stays. */
+static void skies_turn(void **state) {
+    static float rgb[SKY_WIDTH * SKY_HEIGHT * 3]; /* columns: +z to -x, -x to -z, -z to +x, ... */
+    scatter_light turned[2];
+    scene_file f;
+    (void)state;
+    for (int row = 0; row < SKY_HEIGHT; row++)
+        for (int c = 0; c < 3; c++) /* the two columns beside +z */
+            rgb[row * 12 + c] = rgb[row * 12 + 9 + c] = 1;
+    assert_int_equal(read_sky(&f, rgb, "light spot 0 9 0 0 0 -1 1 2 1 1 1\n"
+                                       "light environment sky.hdr 1 1"),
+                     0);
+    scatter_vec3 d = f.lights[1].direction;
+    assert_true(is_vec3(scatter_v3(d.x / d.z, d.y / d.z, 1), 0, 0, 1) && d.z < 0);
+    memcpy(turned, f.lights, sizeof turned);
+    scene_turn_skies(&f, scene_radians(90), turned);
+    scatter_vec3 t = turned[1].direction;
+    assert_true(is_vec3(t, (double)d.z, (double)d.y, 0));
+    assert_true(memcmp(turned, f.lights, sizeof *turned) == 0);
+    assert_false(is_vec3(t, -(double)d.z, (double)d.y, 0)); /* planted: the other way round */
+    scene_turn_skies(&f, scene_radians(90), f.lights);
+    assert_true(memcmp(turned, f.lights, sizeof turned) == 0);
+    scene_free(&f);
+}
+
+static void wrong_skies_are_refused(void **state) {
+    static float rgb[SKY_WIDTH * SKY_HEIGHT * 3];
+    scene_file f;
+    (void)state;
+    assert_int_equal(read_sky(&f, rgb, "light environment sky.hdr 1 3\nlight nothing"), 1);
+    assert_true(strstr(f.error, "s.scatter:5: expected 'light point'") != NULL);
+    assert_int_equal(read_sky(&f, rgb, "light environment s.scatter 1 3"), 1);
+    assert_true(strstr(f.error, "s.scatter:4: ") && strstr(f.error, "ending in .hdr"));
+    assert_int_equal(read_sky(&f, rgb, "light environment sky.hdr 1e9 3"), 1); /* the library's */
+    assert_true(strstr(f.error, "s.scatter:4: ") && strstr(f.error, "scale"));
+    static const char line[] = "light environment sky.hdr 1 3";
+    assert_int_equal(scene_parse(&f, line, sizeof line - 1, NULL), 1);
+    assert_true(strstr(f.error, "scene:1: ") && strstr(f.error, "from memory"));
+    make_directory();
+    const char *map = in_directory(0, "cut.hdr"), *scene = in_directory(1, "s.scatter");
+    write_file(map, hdr_runs, sizeof hdr_runs - 3);
+    write_file(scene, "light environment cut.hdr 1 3", 29);
+    assert_int_equal(scene_read(&f, scene), 1);
+    assert_true(strstr(f.error, "s.scatter:1: ") && strstr(f.error, "cut.hdr: the file is"));
+    unlink(map);
+    unlink(scene);
+    remove_directory();
+}
+
 /* ----------------------------------------------------------------------------------- >>gallery */
 
 static int is_smooth(const char *text) {
@@ -1158,22 +1463,29 @@ static int check_gallery_scene(const char *path) {
     return smooth;
 }
 
-static void gallery_can_be_read(void **state) {
-    DIR *scenes = opendir("examples/scenes");
+/* How many scenes the folder has; the smooth ones are added to *smooth. */
+static int check_gallery(const char *folder, int *smooth) {
+    DIR *scenes = opendir(folder);
     struct dirent *entry;
-    int count = 0, smooth = 0;
-    (void)state;
+    int count = 0;
     assert_true(scenes != NULL);
     while ((entry = readdir(scenes)) != NULL) {
         char path[400];
         if (!file_ends_with(entry->d_name, ".scatter"))
             continue;
-        snprintf(path, sizeof path, "examples/scenes/%s", entry->d_name);
-        smooth += check_gallery_scene(path);
+        snprintf(path, sizeof path, "%s/%s", folder, entry->d_name);
+        *smooth += check_gallery_scene(path);
         count++;
     }
     closedir(scenes);
-    assert_true(count >= 12 && smooth >= 5);
+    return count;
+}
+
+static void gallery_can_be_read(void **state) {
+    int smooth = 0;
+    (void)state;
+    assert_true(check_gallery("examples/scenes", &smooth) >= 12 && smooth >= 5);
+    assert_true(check_gallery("examples/skies", &smooth) >= 8);
 }
 
 static void names_go_both_ways(void **state) {
@@ -1212,9 +1524,13 @@ int main(void) {
         cmocka_unit_test(pictures_come_back),
         cmocka_unit_test(wrong_pictures_are_refused),
         cmocka_unit_test(pictures_are_written),
+        cmocka_unit_test(hdr_pixels_arrive),
+        cmocka_unit_test(wrong_hdr_is_refused),
+        cmocka_unit_test(hdr_agrees_with_stb),
         cmocka_unit_test(raw_grids_are_read),
         cmocka_unit_test(wrong_grid_names_are_refused),
         cmocka_unit_test(scenes_find_their_grids),
+        cmocka_unit_test(text_grids_are_read),
         cmocka_unit_test(nanovdb_grids_are_read),
         cmocka_unit_test(cut_nanovdb_is_refused),
         cmocka_unit_test(damaged_nanovdb_is_refused),
@@ -1223,6 +1539,9 @@ int main(void) {
         cmocka_unit_test(vdb_needs_its_tool),
         cmocka_unit_test(cut_vdb_is_refused),
         cmocka_unit_test(vdb_agrees_with_raw),
+        cmocka_unit_test(skies_become_lights),
+        cmocka_unit_test(skies_turn),
+        cmocka_unit_test(wrong_skies_are_refused),
         cmocka_unit_test(gallery_can_be_read),
         cmocka_unit_test(names_go_both_ways),
     };
