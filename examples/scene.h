@@ -65,9 +65,12 @@ static inline void scene_free(scene_file *file);
 /* The camera at another size: the field of view stays, the aspect becomes width / height. */
 static inline scatter_view scene_view(const scene_file *file, int width, int height);
 
-/* The lights of the skies turned about +y by `angle`, radians, right-handed: +z goes to +x. `turned`
+/* The lights of the skies turned about +y, right-handed: +z goes to +x. A full turn is none. `turned`
    has the size of file->lights, which it may be; other lights in it are left alone. */
-static inline void scene_turn_skies(const scene_file *file, float angle, scatter_light *turned);
+static inline void scene_turn_skies(const scene_file *file, float degrees, scatter_light *turned);
+/* Radiance of the skies, so turned, where `direction` looks to. */
+static inline scatter_vec3 scene_sky_radiance(const scene_file *file, float degrees,
+                                              scatter_vec3 direction);
 
 /* What scene.surface and scene.visible of a file with shapes are; `user` is the scene_file. */
 static inline int scene_surface(void *user, scatter_vec3 origin, scatter_vec3 direction,
@@ -801,12 +804,27 @@ static inline scatter_view scene_view(const scene_file *file, int width, int hei
 
 /* ------------------------------------------------------------------------------------- >>skies */
 
-static inline void scene_turn_skies(const scene_file *file, float angle, scatter_light *turned) {
+static inline void scene_turn_skies(const scene_file *file, float degrees, scatter_light *turned) {
+    float angle = scene_radians(fmodf(degrees, 360));
     for (size_t i = 0; i < file->sky_count; i++) {
         const scene_sky *sky = &file->skies[i];
         scatter_turn_lights(file->lights + sky->first, sky->count, scatter_v3(0, 1, 0), angle,
                             turned + sky->first);
     }
+}
+
+/* A turned sky looks in one direction as it does, unturned, in the direction turned back. */
+static inline scatter_vec3 scene_sky_radiance(const scene_file *file, float degrees,
+                                              scatter_vec3 direction) {
+    float angle = scene_radians(fmodf(degrees, 360)), c = cosf(angle), s = sinf(angle);
+    scatter_vec3 sum = {0, 0, 0}, back = direction;
+    back.x = c * direction.x - s * direction.z;
+    back.z = s * direction.x + c * direction.z;
+    for (size_t i = 0; i < file->sky_count; i++) {
+        scatter_vec3 sky = scatter_environment_radiance(&file->skies[i].map, back);
+        sum = scatter_v3(sum.x + sky.x, sum.y + sky.y, sum.z + sky.z);
+    }
+    return sum;
 }
 
 /* ---------------------------------------------------------------------------------- >>surfaces */

@@ -1386,6 +1386,17 @@ static void skies_become_lights(void **state) {
     }
 }
 
+/* White around +z and black around -z: what is seen goes with the lights. */
+static void check_turned_look(const scene_file *f) {
+    for (int degrees = -360; degrees <= 360; degrees += 45) {
+        double a = degrees * 3.14159265358979 / 180;
+        scatter_vec3 d = scatter_v3((float)sin(a), 0.3f, (float)cos(a));
+        assert_true(is_vec3(scene_sky_radiance(f, (float)degrees, d), 1, 1, 1));
+        d.x = -d.x, d.z = -d.z;
+        assert_true(is_vec3(scene_sky_radiance(f, (float)degrees, d), 0, 0, 0));
+    }
+}
+
 /* Light from +z, which a turn by 90 degrees brings to +x, and a lamp that stays. */
 static void skies_turn(void **state) {
     static float rgb[SKY_WIDTH * SKY_HEIGHT * 3]; /* columns: +z to -x, -x to -z, -z to +x, ... */
@@ -1401,13 +1412,16 @@ static void skies_turn(void **state) {
     scatter_vec3 d = f.lights[1].direction;
     assert_true(is_vec3(scatter_v3(d.x / d.z, d.y / d.z, 1), 0, 0, 1) && d.z < 0);
     memcpy(turned, f.lights, sizeof turned);
-    scene_turn_skies(&f, scene_radians(90), turned);
+    scene_turn_skies(&f, 90, turned);
     scatter_vec3 t = turned[1].direction;
     assert_true(is_vec3(t, (double)d.z, (double)d.y, 0));
     assert_true(memcmp(turned, f.lights, sizeof *turned) == 0);
     assert_false(is_vec3(t, -(double)d.z, (double)d.y, 0)); /* planted: the other way round */
-    scene_turn_skies(&f, scene_radians(90), f.lights);
+    scene_turn_skies(&f, 90, f.lights);
     assert_true(memcmp(turned, f.lights, sizeof turned) == 0);
+    scene_turn_skies(&f, -720, turned);
+    assert_true(memcmp(turned, f.lights, sizeof turned) == 0);
+    check_turned_look(&f);
     scene_free(&f);
 }
 
