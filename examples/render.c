@@ -1,21 +1,20 @@
 /* render.c - scatter-render: renders a scene file, measures the time and the error. MIT licence,
    see LICENSE.
 
-   Sections: options, host (memory, threads, progress), measuring, GPU, output, main. */
+   Sections: options, measuring, GPU, output, main. */
 #define _POSIX_C_SOURCE 200809L
 #define SCATTER_IMPLEMENTATION
-#include "../scatter.h"
-#include "files.h"
+#define PROGRAM_NAME "scatter-render"
+#include "program.h"
 #include "render_gl.h"
 #include "scene.h"
-
-#include <pthread.h>
-#include <time.h>
 
 static const char usage[] =
     "usage: scatter-render SCENE [options]\n"
     "  --out FILE        .pfm and .hdr: linear RGB, .png: tone-mapped sRGB\n"
+    "  --tonemap         .pfm and .hdr, too: Reinhard's photographic operator, still linear RGB\n"
     "  --size WxH        pixels instead of the scene's; the field of view stays\n"
+    "  --rotate-env DEG  turns the lights of environments about +y: +z goes to +x (0)\n"
     "  --depth METHOD    auto closed closed-volume eq6 upwind short polar march\n"
     "  --ray METHOD      quadrature march\n"
     "  --density METHOD  auto exact volume\n"
@@ -36,51 +35,14 @@ static const char usage[] =
 typedef struct options {
     const char *scene, *out, *reference;
     int width, height; /* 0: the scene's */
-    int threads, repeat, json;
+    int threads, repeat, json, tonemap;
+    float degrees; /* that the skies turn */
     scatter_quality quality;
     float budget;              /* relative RMSE; 0: none, the quality is as asked for */
     scatter_forecast forecast; /* for the budget */
     int gl;
     render_gl_options on_gl;
 } options;
-
-/* "scatter-render: sentence" to the error output; returns `status`. */
-static int complain(int status, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    fputs("scatter-render: ", stderr);
-    vfprintf(stderr, format, arguments);
-    fputc('\n', stderr);
-    va_end(arguments);
-    return status;
-}
-
-/* A whole number from low to high with nothing behind but `end`; *text moves behind `end`. */
-static int whole_number(const char **text, char end, int low, int high, int *value) {
-    const char *p = *text;
-    long long n = 0;
-    for (; *p >= '0' && *p <= '9' && n <= high; p++)
-        n = n * 10 + (*p - '0');
-    if (p == *text || *p != end || n < low || n > high)
-        return 1;
-    *value = (int)n;
-    *text = end ? p + 1 : p;
-    return 0;
-}
-
-static int number_option(const char *name, const char *text, int low, int high, int *value) {
-    if (whole_number(&text, 0, low, high, value))
-        return complain(2, "%s: expected a whole number from %d to %d, found '%s'", name, low, high,
-                        text);
-    return 0;
-}
-
-static int size_option(options *o, const char *text) {
-    const char *at = text;
-    if (whole_number(&at, 'x', 1, 65536, &o->width) || whole_number(&at, 0, 1, 65536, &o->height))
-        return complain(2, "--size: expected WxH with 1 to 65536 pixels each, found '%s'", text);
-    return 0;
-}
 
 /* A share, or percent with a % behind the number. */
 static int budget_option(options *o, const char *text) {
@@ -138,7 +100,9 @@ static int option_with_value(options *o, const char *name, const char *value) {
     if (strcmp(name, "--reference") == 0)
         return file_option(name, value, " .pfm", &o->reference);
     if (strcmp(name, "--size") == 0)
-        return size_option(o, value);
+        return size_option(value, &o->width, &o->height);
+    if (strcmp(name, "--rotate-env") == 0)
+        return degrees_option(name, value, &o->degrees);
     if (strcmp(name, "--nodes") == 0)
         return number_option(name, value, 1, 4096, &o->quality.nodes);
     if (strcmp(name, "--grid") == 0)
@@ -163,17 +127,24 @@ static int takes_value(const char *name) {
     static const char *const names[] = {"--out",    "--size",      "--depth",  "--ray",
                                         "--density", "--nodes",     "--grid",   "--threads",
                                         "--repeat",  "--reference", "--budget", "--api",
-                                        "--divide",  "--shadow-map"};
+                                        "--divide",  "--shadow-map", "--rotate-env"};
     return scene_name(names, sizeof names / sizeof *names, name) >= 0;
+}
+
+/* What an option without a value sets to 1; NULL: it is not one. */
+static int *flag_option(options *o, const char *name) {
+    return strcmp(name, "--json") == 0      ? &o->json
+           : strcmp(name, "--gl") == 0      ? &o->gl
+           : strcmp(name, "--tonemap") == 0 ? &o->tonemap
+                                            : NULL;
 }
 
 static int parse_options(int count, char **arguments, options *o) {
     for (int i = 1; i < count; i++) {
         const char *name = arguments[i];
-        if (strcmp(name, "--json") == 0)
-            o->json = 1;
-        else if (strcmp(name, "--gl") == 0)
-            o->gl = 1;
+        int *flag = flag_option(o, name);
+        if (flag)
+            *flag = 1;
         else if (takes_value(name)) {
             if (i + 1 == count)
                 return complain(2, "%s: expected a value behind it", name);
@@ -197,133 +168,6 @@ static int parse_options(int count, char **arguments, options *o) {
         return complain(2, "--nodes: expected at most 256 for the quadrature, found %d",
                         o->quality.nodes);
     return 0;
-}
-
-/* -------------------------------------------------------------------------------------- >>host */
-
-/* What the library is given to live in. */
-typedef struct host_state {
-    int threads;
-    pthread_mutex_t lock; /* of the two byte counts */
-    size_t bytes, peak;   /* allocated now and at most */
-    char sentence[512];   /* the last one logged */
-    const char *scene;    /* name shown with the progress */
-    double start;         /* of the measurement, ms */
-    int shown;            /* progress was printed and must be wiped out */
-} host_state;
-
-static double now_ms(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
-
-/* In front of each block: its size. As large as the strictest alignment. */
-typedef union block_header {
-    size_t bytes;
-    long double align_number;
-    void *align_pointer;
-} block_header;
-
-static void count_bytes(host_state *state, size_t more, size_t less) {
-    pthread_mutex_lock(&state->lock);
-    state->bytes = state->bytes + more - less;
-    if (state->bytes > state->peak)
-        state->peak = state->bytes;
-    pthread_mutex_unlock(&state->lock);
-}
-
-static void *host_allocate(void *user, size_t bytes) {
-    block_header *block =
-        bytes <= SIZE_MAX - sizeof *block ? (block_header *)malloc(sizeof *block + bytes) : NULL;
-    if (!block)
-        return NULL;
-    block->bytes = bytes;
-    count_bytes((host_state *)user, bytes, 0);
-    return block + 1;
-}
-
-static void host_release(void *user, void *memory) {
-    if (!memory)
-        return;
-    block_header *block = (block_header *)memory - 1;
-    count_bytes((host_state *)user, 0, block->bytes);
-    free(block);
-}
-
-static void host_log(void *user, scatter_result result, const char *sentence) {
-    host_state *state = (host_state *)user;
-    (void)result;
-    snprintf(state->sentence, sizeof state->sentence, "%s", sentence);
-}
-
-/* A loop shared by threads, which take pieces of it from the front. */
-typedef struct shared_loop {
-    void (*task)(void *data, int index);
-    void *data;
-    int count, piece, next;
-    pthread_mutex_t lock;
-} shared_loop;
-
-static void *run_pieces(void *argument) {
-    shared_loop *loop = (shared_loop *)argument;
-    for (;;) {
-        pthread_mutex_lock(&loop->lock);
-        int first = loop->next, left = loop->count - first;
-        int end = first + (left < loop->piece ? left : loop->piece);
-        loop->next = end;
-        pthread_mutex_unlock(&loop->lock);
-        if (first == end)
-            return NULL;
-        for (int i = first; i < end; i++)
-            loop->task(loop->data, i);
-    }
-}
-
-/* Starts the threads for this loop only: some 20 microseconds each, against milliseconds of work.
-   */
-static void host_parallel_for(void *user, int count, void (*task)(void *data, int index),
-                              void *data) {
-    enum { MOST = 1024 };
-    pthread_t threads[MOST];
-    int wanted = ((host_state *)user)->threads - 1, started = 0;
-    shared_loop loop;
-    memset(&loop, 0, sizeof loop);
-    loop.task = task;
-    loop.data = data;
-    loop.count = count;
-    loop.piece = count / (64 * (wanted + 1)) + 1;
-    pthread_mutex_init(&loop.lock, NULL);
-    while (started < wanted && started < MOST && started + 1 < count &&
-           pthread_create(&threads[started], NULL, run_pieces, &loop) == 0)
-        started++;
-    run_pieces(&loop);
-    while (started > 0)
-        pthread_join(threads[--started], NULL);
-    pthread_mutex_destroy(&loop.lock);
-}
-
-/* Only on a terminal, and only for what takes more than a second. */
-static int host_progress(void *user, float fraction) {
-    host_state *state = (host_state *)user;
-    if (isatty(2) && now_ms() - state->start > 1000) {
-        fprintf(stderr, "\r%s: %3.0f %%", state->scene, (double)fraction * 100);
-        state->shown = 1;
-    }
-    return 0;
-}
-
-static scatter_host make_host(host_state *state) {
-    scatter_host host;
-    memset(&host, 0, sizeof host);
-    host.user = state;
-    host.allocate = host_allocate;
-    host.release = host_release;
-    host.log = host_log;
-    host.progress = host_progress;
-    if (state->threads > 1)
-        host.parallel_for = host_parallel_for;
-    return host;
 }
 
 /* --------------------------------------------------------------------------------- >>measuring */
@@ -525,55 +369,10 @@ static int compare_with_reference(const options *o, const file_picture *picture,
 
 /* ------------------------------------------------------------------------------------ >>output */
 
-static double luminance(const float *rgb) {
-    return 0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
-}
-
-/* The exposure of the PNG. Pixels count in the log-average by the square root of their luminance,
-   so that neither an empty dark background nor a small lamp decides alone. As Reinhard proposes,
-   the brightest pixel becomes white, unless all are equally dim. */
-static scatter_tone choose_tone(const file_picture *picture, size_t pixels) {
-    scatter_tone tone;
-    double brightest = 0, weight = 0, sum = 0;
-    memset(&tone, 0, sizeof tone);
-    for (size_t i = 0; i < pixels; i++) {
-        double l = luminance(picture->rgb + 3 * i);
-        if (!(l > 0))
-            continue;
-        brightest = fmax(brightest, l);
-        weight += sqrt(l);
-        sum += sqrt(l) * log(l);
-    }
-    if (weight > 0) {
-        tone.key = 0.18f;
-        tone.log_average = (float)exp(sum / weight);
-        tone.white = (float)fmin(fmax(0.18 * brightest / exp(sum / weight), 0.4), 1e6);
-    }
-    return tone;
-}
-
-static int write_png(const char *path, const file_picture *picture, file_error *error) {
-    size_t pixels = (size_t)picture->width * (size_t)picture->height;
-    float *toned = (float *)malloc(pixels * 3 * sizeof(float));
-    unsigned char *bytes = (unsigned char *)malloc(pixels * 3);
-    int failed = toned && bytes ? 0 : file_fail(error, path, "out of memory");
-    if (!failed) {
-        scatter_tone tone = choose_tone(picture, pixels);
-        scatter_tone_map(&tone, picture->rgb, pixels, toned);
-        for (size_t i = 0; i < pixels * 3; i++)
-            bytes[i] = scatter_srgb8(toned[i]);
-        failed = file_png_write(path, bytes, picture->width, picture->height, error);
-    }
-    free(toned);
-    free(bytes);
-    return failed;
-}
-
-static int write_picture(const char *path, const file_picture *picture) {
+/* By the ending of the name. */
+static int write_linear(const char *path, const file_picture *picture) {
     file_error error;
     int failed;
-    if (!path)
-        return 0;
     if (file_ends_with(path, ".pfm"))
         failed = file_pfm_write(path, picture, &error);
     else if (file_ends_with(path, ".hdr"))
@@ -581,6 +380,23 @@ static int write_picture(const char *path, const file_picture *picture) {
     else
         failed = write_png(path, picture, &error);
     return failed ? complain(1, "%s", error.text) : 0;
+}
+
+/* What is shown on a screen is tone-mapped. */
+static int write_picture(const options *o, const file_picture *picture) {
+    file_picture toned;
+    if (!o->out)
+        return 0;
+    if (!o->tonemap && !file_ends_with(o->out, ".png"))
+        return write_linear(o->out, picture);
+    if (new_picture(&toned, picture->width, picture->height))
+        return complain(1, "%s: out of memory", o->out);
+    scatter_tone tone = choose_tone(picture);
+    scatter_tone_map(&tone, picture->rgb, (size_t)picture->width * (size_t)picture->height,
+                     toned.rgb);
+    int status = write_linear(o->out, &toned);
+    free(toned.rgb);
+    return status;
 }
 
 /* A JSON string with its quotes. */
@@ -683,7 +499,7 @@ static int run(options *o, const scene_file *file, const file_picture *picture) 
     if (!status)
         status = compare_with_reference(o, picture, &d);
     if (!status)
-        status = write_picture(o->out, picture);
+        status = write_picture(o, picture);
     if (!status && o->json)
         print_json(o, picture, &t, &d, &gpu, &state);
     else if (!status)
@@ -694,11 +510,10 @@ static int run(options *o, const scene_file *file, const file_picture *picture) 
 
 static int run_scene(options *o, const scene_file *file) {
     file_picture picture;
-    picture.width = o->width ? o->width : file->width;
-    picture.height = o->height ? o->height : file->height;
-    double bytes = (double)picture.width * picture.height * 3 * sizeof(float);
-    picture.rgb = bytes < (double)(SIZE_MAX / 2) ? (float *)malloc((size_t)bytes) : NULL;
-    int status = picture.rgb ? run(o, file, &picture) : complain(1, "%s: out of memory", o->scene);
+    int status = new_picture(&picture, o->width ? o->width : file->width,
+                             o->height ? o->height : file->height)
+                     ? complain(1, "%s: out of memory", o->scene)
+                     : run(o, file, &picture);
     free(picture.rgb);
     return status;
 }
@@ -708,8 +523,7 @@ int main(int count, char **arguments) {
     scene_file file;
     memset(&o, 0, sizeof o);
     o.repeat = 1;
-    long processors = sysconf(_SC_NPROCESSORS_ONLN);
-    o.threads = processors > 1 ? (int)(processors < 1024 ? processors : 1024) : 1;
+    o.threads = all_processors();
     if (count == 2 && strcmp(arguments[1], "--help") == 0)
         return fputs(usage, stdout) < 0;
     int status = parse_options(count, arguments, &o);
@@ -717,6 +531,7 @@ int main(int count, char **arguments) {
         return status;
     if (scene_read(&file, o.scene))
         return complain(1, "%s", file.error);
+    scene_turn_skies(&file, o.degrees, file.lights);
     status = run_scene(&o, &file);
     scene_free(&file);
     return status;
