@@ -21,6 +21,7 @@
 #include "cloud.h"
 #include "depth.h"
 #include "eight.h"
+#include "environment.h"
 #include "fronts.h"
 #include "gaussians.h"
 #include "isa.h"
@@ -41,6 +42,7 @@ static const benchmark benchmarks[] = {
     {"eight", eight_run, NULL, LEVEL_TEST},            /* the scene that the targets name */
     {"gaussians", many_run, NULL, LEVEL_TEST},         /* up to 27,000 */
     {"cloud", cloud_run, NULL, LEVEL_TEST},            /* voxels, beside vdb_render */
+    {"environment", env_run, NULL, LEVEL_TEST},        /* skies as constellations */
     {"isa", isa_run, NULL, LEVEL_TEST},                /* instruction sets */
     {"promises", promises_run, NULL, LEVEL_TEST},      /* allocations, bits */
     {"specialised", special_run, NULL, LEVEL_FULL},    /* only what a scene needs */

@@ -26,6 +26,7 @@ typedef struct chart_row {
 
 typedef struct chart {
     char scene[64], title[128];
+    const char *across; /* what is to the right, and there is no front; NULL: time */
     chart_row row[CHART_ROWS];
     int count;
     char family[CHART_FAMILIES][48]; /* ours in the order of chart_styles, then the others */
@@ -333,25 +334,26 @@ static void chart_ranges(FILE *plot, const chart *c)
     chart_axis(plot, 'y', 60 * error[0], 160 * error[1]); /* in per cent */
 }
 
-static void chart_axes(FILE *plot, const char *title)
+static void chart_axes(FILE *plot, const chart *c)
 {
     fprintf(plot,
             "set title \"%s\"\n"
             "set logscale xy\n"
             "set format \"%%g\"\n"
-            "set xlabel \"time: setup + rays, ms\"\n"
+            "set xlabel \"%s\"\n"
             "set ylabel \"relative RMS error, %%\"\n"
             "set grid xtics ytics back linetype 1 linecolor \"#e4e4e4\" linewidth 1\n"
             "set border linecolor \"#444444\"\n"
             "set key outside right top Left reverse samplen 1.6 spacing 1.2\n"
             "set pointsize 0.8\n",
-            title);
+            c->title, c->across ? c->across : "time: setup + rays, ms");
 }
 
 static void chart_curves(FILE *plot, const chart *c)
 {
     int others = 0;
-    fprintf(plot, "plot $front with steps lc \"#bbbbbb\" lw 5 title \"front\"");
+    fprintf(plot, c->across ? "plot NaN notitle"
+                            : "plot $front with steps lc \"#bbbbbb\" lw 5 title \"front\"");
     for (int i = 0; i < c->families; i++) {
         chart_style s = chart_style_of(c->family[i], &others);
         fprintf(plot, ", \\\n  $f%d with %s pt %d lc \"%s\" title \"%s\"", i,
@@ -370,7 +372,7 @@ static int chart_draw(chart *c, const char *folder)
     if (!plot)
         report_die("cannot write", path);
     qsort(c->row, (size_t)c->count, sizeof c->row[0], chart_row_order);
-    chart_axes(plot, c->title);
+    chart_axes(plot, c);
     chart_ranges(plot, c);
     chart_block(plot, c, "front", NULL, 1);
     for (int i = 0, others = 0; i < c->families; i++) {
