@@ -1288,6 +1288,7 @@ typedef struct scatteri_sky {
     float *luminance;    /* SCATTERI_TAKEN in suns, negative where the search for suns has been */
     scatteri_cells cells;
     double energy; /* outside suns */
+    int seam;      /* column at which the median cut begins */
 } scatteri_sky;
 
 /* --- texels --- */
@@ -1538,7 +1539,22 @@ static scatter_result scatteri_refuse_texel(const scatteri_sky *sky, int y)
                          y / (sky->map.height / sky->given->height), (double)row[i]);
 }
 
-/* Luminance and energy of all texels. */
+/* The column at which the map is cut open: opposite to where most of its light comes from, so that
+   nothing depends on the column that it begins with. */
+static int scatteri_find_seam(const scatteri_sky *sky)
+{
+    const int width = sky->map.width;
+    double east = 0.0, north = 0.0, turn;
+    int x;
+    for (x = 0; x < width; x++) {
+        east += sky->column[x] * sky->east[x];
+        north += sky->column[x] * sky->north[x];
+    }
+    turn = atan2(east, north) / (2.0 * SCATTERI_PI); /* -1/2..1/2, 0 at the middle column */
+    return (int)(turn * width + width + 0.5) % width;
+}
+
+/* Luminance and energy of all texels, and the seam. */
 static scatter_result scatteri_read_map(scatteri_sky *sky)
 {
     const size_t width = (size_t)sky->map.width;
@@ -1554,6 +1570,7 @@ static scatter_result scatteri_read_map(scatteri_sky *sky)
         sky->energy +=
             scatteri_add_columns(luminance, sky->map.width, sky->band[y].area, sky->column);
     }
+    sky->seam = scatteri_find_seam(sky);
     return SCATTER_OK;
 }
 
@@ -1815,21 +1832,6 @@ static void scatteri_cut_patch(scatteri_sky *sky, scatteri_patch *p, scatteri_pa
     }
 }
 
-/* The map is cut open opposite to where most of its light comes from: so nothing depends on the
-   column that it begins with. */
-static int scatteri_seam(scatteri_sky *sky, const scatteri_patch *all)
-{
-    double east = 0.0, north = 0.0, turn;
-    int x;
-    scatteri_project(sky, all);
-    for (x = 0; x < all->nx; x++) {
-        east += sky->column[x] * sky->east[x];
-        north += sky->column[x] * sky->north[x];
-    }
-    turn = atan2(east, north) / (2.0 * SCATTERI_PI); /* -1/2..1/2, 0 at the middle column */
-    return (int)(turn * all->nx + all->nx + 0.5) % all->nx;
-}
-
 /* The patch with the greatest energy of those that can be cut, or -1. */
 static int scatteri_greatest(const scatteri_patch *p, int count)
 {
@@ -1848,7 +1850,7 @@ static void scatteri_median_cut(scatteri_sky *sky, int count, scatter_light *lig
     patch[0].nx = sky->map.width;
     patch[0].ny = sky->map.height;
     patch[0].energy = 1.0;
-    patch[0].x0 = scatteri_seam(sky, &patch[0]);
+    patch[0].x0 = sky->seam;
     while (n < count && (i = scatteri_greatest(patch, n)) >= 0) {
         scatteri_cut_patch(sky, &patch[i], &patch[n]);
         n += !patch[i].whole;

@@ -61,7 +61,15 @@ static const chart_style chart_styles[] = {
     {"scatter", "search for 1 %", "#0072B2", 0, 1, 0},
     {"shadow rays", NULL, "#56B4E9", 0, 11, 1},
     {"Giroud & Biri", NULL, "#D55E00", 0, 11, 1},
-    {"Kajiya & Von Herzen", NULL, "#777777", 0, 11, 1}};
+    {"Kajiya & Von Herzen", NULL, "#777777", 0, 11, 1},
+    {"kiara_1_dawn_1k, median cut", NULL, "#D55E00", 0, 5, 1},
+    {"st_fagans_interior_1k, median cut", NULL, "#009E73", 0, 5, 1},
+    {"studio_small_03_1k, median cut", NULL, "#777777", 0, 5, 1},
+    {"venice_sunset_1k, median cut", NULL, "#0072B2", 0, 5, 1},
+    {"kiara_1_dawn_1k, k-means", NULL, "#D55E00", 0, 6, 1},
+    {"st_fagans_interior_1k, k-means", NULL, "#009E73", 0, 6, 1},
+    {"studio_small_03_1k, k-means", NULL, "#777777", 0, 6, 1},
+    {"venice_sunset_1k, k-means", NULL, "#0072B2", 0, 6, 1}};
 
 enum { CHART_STYLES = sizeof chart_styles / sizeof chart_styles[0] };
 
