@@ -38,7 +38,7 @@ FUZZ_SECONDS = 300
 PREFIX = /usr/local
 VERSION = 0.1.0
 
-PROGRAMS = scatter-render scatter-minimal scatter-sheet scatter-generate scatter-dump_shaders
+PROGRAMS = scatter-render scatter-turntable scatter-minimal scatter-sheet scatter-generate scatter-dump_shaders
 SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan test_environment hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
 FUZZERS = fuzz_scene fuzz_descriptors
 HEADERS = scatter.h scatter_gl.h
@@ -174,34 +174,51 @@ fuzz: $(FUZZERS)
 # -------------------------------------------------------------------------------------- demo
 
 SCENES = $(basename $(notdir $(wildcard examples/scenes/*.scatter))) cumulus_27000
+SKIES = $(basename $(notdir $(wildcard examples/skies/*.scatter)))
 PICTURES = $(SCENES:%=$(BUILD)/gallery/%.png)
+SKY_PICTURES = $(SKIES:%=$(BUILD)/gallery/%.png)
+TURNING = $(BUILD)/gallery/turning0000.png
 
 demo:
 	$(SETUP) demo
 	$(MAKE) --no-print-directory gallery
 
-gallery: $(BUILD)/gallery/sheet.png
-	@echo "pictures: $(BUILD)/gallery, all on one sheet: $<"
+gallery: $(BUILD)/gallery/sheet.png $(BUILD)/gallery/skies.png $(TURNING)
+	@echo "pictures: $(BUILD)/gallery, all on two sheets: $(wordlist 1,2,$^)"
+	@echo "a turning sky, frame by frame: $(TURNING) and on"
 
-# A scene whose voxel file is not there makes no picture.
+# A scene whose voxels or sky are not there makes no picture.
+FILES = s/^ *grid  *\([^ ]*\).*/\1/p; s/^ *light  *environment  *\([^ ]*\).*/\1/p
 define RENDER
-@for file in $$(sed -n 's/^ *grid  *\([^ ]*\).*/\1/p' $<); do \
-    [ -e $(<D)/$$file ] || { echo "$*: skipped: no data ($$file)"; exit 0; }; \
+@for file in $$(sed -n '$(FILES)' $<); do \
+    [ -e $(<D)/$$file ] || { echo "$(<F): skipped: no data ($$file)"; exit 0; }; \
 done; \
-$(BUILD)/scatter-render $< --out $@
+$(1)
 endef
 
+# The sky itself is no part of a scene; the first frame of a turntable shows it.
+FRAMES = $(BUILD)/scatter-turntable $< --out
+
 $(BUILD)/gallery/%.png: examples/scenes/%.scatter $(BUILD)/scatter-render | $(BUILD)/gallery
-	$(RENDER)
+	$(call RENDER,$(BUILD)/scatter-render $< --out $@)
 
 $(BUILD)/gallery/%.png: $(BUILD)/scenes/%.scatter $(BUILD)/scatter-render | $(BUILD)/gallery
-	$(RENDER)
+	$(call RENDER,$(BUILD)/scatter-render $< --out $@)
+
+$(SKY_PICTURES): $(BUILD)/gallery/%.png: examples/skies/%.scatter $(BUILD)/scatter-turntable | $(BUILD)/gallery
+	$(call RENDER,$(FRAMES) $(@:.png=) --frames 1 --nodes 64 && mv $(@:.png=)0000.png $@)
+
+$(TURNING): examples/skies/smoke_venice.scatter $(BUILD)/scatter-turntable | $(BUILD)/gallery
+	$(call RENDER,$(FRAMES) $(@:0000.png=) --frames 12 --size 180x240)
 
 $(BUILD)/scenes/cumulus_27000.scatter: $(BUILD)/scatter-generate | $(BUILD)/scenes
 	$< 27000 >$@
 
 $(BUILD)/gallery/sheet.png: $(BUILD)/scatter-sheet $(PICTURES)
-	$< $@ $$(ls $(PICTURES) 2>/dev/null)
+$(BUILD)/gallery/skies.png: $(BUILD)/scatter-sheet $(SKY_PICTURES)
+$(BUILD)/gallery/sheet.png $(BUILD)/gallery/skies.png:
+	@pictures=$$(ls $(filter %.png,$^) 2>/dev/null); \
+	if [ "$$pictures" ]; then $< $@ $$pictures; else echo "$(@F): skipped: no data"; fi
 
 # ----------------------------------------------------------------------- checks, bench, glsl
 

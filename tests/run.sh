@@ -9,7 +9,7 @@ set -u
 cd "$(dirname "$0")/.." || exit 1
 unset MAKEFLAGS MFLAGS MAKELEVEL
 export LC_ALL=C
-STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes scenes_gl compile symbols names"
+STEPS="counting unit_gcc unit_clang sanitize m32 accuracy scenes skies scenes_gl compile symbols names"
 STEPS="$STEPS vectors tcc mingw glsl glm readme install bench fuzz"
 JOBS=$(nproc)
 OUT=build/test
@@ -173,7 +173,7 @@ step_accuracy() {
 
 has_data() {
     local file
-    for file in $(sed -n 's/^ *grid  *\([^ ]*\).*/\1/p' "$1"); do
+    for file in $(sed -n "$(setting FILES)" "$1"); do
         [ -e "$(dirname "$1")/$file" ] || return 1
     done
 }
@@ -198,7 +198,7 @@ title_scenes="the scenes: finite; the smooth ones as the reference has them"
 step_scenes() {
     local scene name
     make -j"$JOBS" BUILD=$OUT/gcc CC=gcc all $OUT/gcc/scatter-reference >$OUT/programs.log 2>&1
-    for scene in examples/scenes/*.scatter; do
+    for scene in examples/scenes/*.scatter examples/skies/*.scatter; do
         name=$(basename "$scene" .scatter)
         if ! has_data "$scene"; then
             skip "$name: no data"
@@ -212,6 +212,75 @@ step_scenes() {
     done
     gather
     refuse "another scene" above agrees examples/scenes/two_lights.scatter $OUT/one_gaussian.pfm
+}
+
+# -------------------------------------------------------------------------------------- skies
+
+# A scene of a puff under a sky that scatter-render has drawn, and volumes of two sizes.
+write_sky() {
+    mkdir -p "$1"
+    "$OUT/gcc/scatter-render" examples/scenes/spot.scatter --size 32x16 --out "$1/sky.hdr"
+    lines 'image 24 16' 'camera perspective 0 0 -4 0 0 0 0 1 0 40' 'medium 2 2 2 0.9 0.9 0.9' \
+        'grid a_8x8x8_u8.raw -1 -1 -1 1 1 1 1' 'light environment sky.hdr 2 12' >"$1/puff.scatter"
+    head -c 512 /dev/zero | tr '\0' '\200' >"$1/a_8x8x8_u8.raw"
+    head -c 512 /dev/zero | tr '\0' '\040' >"$1/b_8x8x8_u8.raw"
+    head -c 216 /dev/zero >"$1/c_6x6x6_u8.raw"
+}
+
+# frames OPTION...: a turntable of that puff into files called f0000.png and on.
+frames() {
+    rm -f "$SKY"/f*.png
+    "$OUT/gcc/scatter-turntable" "$SKY/puff.scatter" --out "$SKY/f" "$@"
+}
+
+same_frames() { cmp "$SKY/f000$1.png" "$SKY/f000$2.png"; }
+
+# turned OPTION...: the puff as .pfm.
+turned() { "$OUT/gcc/scatter-render" "$SKY/puff.scatter" --out "$@"; }
+
+no_allocations() { cat "$1" && grep -q ' 0 allocations behind frame 2$' "$1"; }
+
+sequence_checks() {
+    local a=$SKY/a_8x8x8_u8.raw b=$SKY/b_8x8x8_u8.raw
+    frames --frames 6 --degrees 0 --sequence "$a" "$b" "$b" >"$SKY/said"
+    check "a sequence comes again" same_frames 0 3
+    check "a volume twice is the same frame" same_frames 1 2
+    refuse "other volumes" differ same_frames 0 1
+    check "a sequence allocates nothing" no_allocations "$SKY/said"
+    sed 's/ 0 alloc/ 1 alloc/' "$SKY/said" >"$PLANTED/said"
+    refuse "one allocation" '1 allocations' no_allocations "$PLANTED/said"
+    refuse "volumes of two sizes" '6x6x6_u8.raw: expected 8x8x8 voxels.*found 6x6x6' \
+        frames --frames 2 --sequence "$a" "$SKY/c_6x6x6_u8.raw"
+    refuse "a volume that is not there" 'cannot be opened' frames --frames 2 --sequence "$a" x.vdb
+    refuse "no volumes" 'expected volumes' frames --frames 2 --sequence
+    refuse "a sequence without a grid" 'expects a scene with one grid' \
+        "$OUT/gcc/scatter-turntable" examples/scenes/spot.scatter --out x --frames 1 --sequence "$a"
+}
+
+title_skies="skies that turn, media that change: frames, options, allocations"
+step_skies() {
+    SKY=$OUT/skies
+    make -j"$JOBS" BUILD=$OUT/gcc CC=gcc all >$OUT/programs.log 2>&1
+    check "a sky of our own" write_sky "$SKY"
+    check "frames" frames --frames 4
+    refuse "half a turn" differ same_frames 0 2
+    check "frames of a full turn" frames --frames 3 --degrees 1080
+    check "a full turn" same_frames 0 2
+    check "unturned" turned "$SKY/0.pfm"
+    check "turned" turned "$SKY/90.pfm" --rotate-env 90
+    check "turned thrice" turned "$SKY/-270.pfm" --rotate-env -270
+    check "turned wholly" turned "$SKY/360.pfm" --rotate-env 360
+    check "--rotate-env 360" cmp "$SKY/0.pfm" "$SKY/360.pfm"
+    refuse "--rotate-env 90" differ cmp "$SKY/0.pfm" "$SKY/90.pfm"
+    check "tone-mapped" turned "$SKY/tone.pfm" --tonemap
+    refuse "--tonemap" differ cmp "$SKY/0.pfm" "$SKY/tone.pfm"
+    refuse "--rotate-env far" 'expected -1000000 to' turned "$SKY/x.pfm" --rotate-env far
+    refuse "no frames" 'expected a scene file, --out and --frames' frames
+    refuse "0 frames" 'from 1 to 10000' frames --frames 0
+    refuse "an option without a value" 'expected a value' frames --frames
+    refuse "an unknown option" 'unknown option' frames --frames 1 --speed 2
+    refuse "two scenes" 'expected one scene' frames --frames 1 planted
+    sequence_checks
 }
 
 # ------------------------------------------------------------------------------------- bench
