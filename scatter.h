@@ -279,6 +279,10 @@ typedef struct scatter_quality {
     int nodes; /* quadrature: nodes per panel, 1..256; march: steps per ray, 1..4096; 0: 16 */
     int grid;  /* n of depth volumes and of the injected density, 2..1024; 0: 64, 128 for more than 256
                   Gaussians, 3/2 of the voxels along the longest axis of a grid, at most 256 */
+    int no_distance_map; /* not 0: rays go through empty voxels one by one, instead of passing them by a map of distances
+                            (2 bytes a voxel, made anew when the voxels change). Slower, same image: for comparison */
+    int no_mask;         /* not 0: light is gathered where there is no density, too: in the march before the first and
+                            behind the last density on a ray. Slower, same image: for comparison */
 } scatter_quality;
 
 typedef struct scatter_ray {
@@ -534,7 +538,8 @@ enum {
     SCATTERI_PROFILE = 768, /* samples of voxel density along one ray */
     SCATTERI_STEPS = 4096,  /* of the march */
     SCATTERI_CHUNKS = 50,   /* reports of progress in one stage */
-    SCATTERI_BRICK = 8      /* voxels along the edge of a brick of the empty-space mask */
+    SCATTERI_SLABS = 16,    /* parts of a volume that are filled one by one, or by so many threads */
+    SCATTERI_NONE = 65535   /* distance in an empty grid */
 };
 
 #define SCATTERI_FAR 1e30f    /* length of a segment that never ends: finite, so that 0 * far is 0 */
@@ -2114,13 +2119,14 @@ static scatter_vec3 scatteri_along(scatter_vec3 origin, scatter_vec3 direction, 
 
 /* --- voxels --- */
 
-/* A grid prepared for sampling, with a mask of bricks that holds 0 where the field is certainly 0. */
+/* A grid prepared for sampling, with a map of the distances to what it holds. */
 typedef struct scatteri_field {
     scatter_grid grid;
     scatter_vec3 per_metre; /* voxels per metre */
+    scatter_vec3 edge;      /* of a voxel, m */
     float scale;
-    unsigned char *bricks; /* NULL: no mask */
-    int bx, by, bz;
+    const uint16_t *distances; /* of each voxel, see "distance map"; NULL: no map */
+    float unit;                /* of the distances, m */
 } scatteri_field;
 
 static scatteri_field scatteri_field_of(const scatter_grid *grid)
@@ -2131,10 +2137,10 @@ static scatteri_field scatteri_field_of(const scatter_grid *grid)
     field.per_metre = scatteri_v3((float)grid->nx / (grid->box.max.x - grid->box.min.x),
                                   (float)grid->ny / (grid->box.max.y - grid->box.min.y),
                                   (float)grid->nz / (grid->box.max.z - grid->box.min.z));
+    field.edge = scatteri_v3(1.0f / field.per_metre.x, 1.0f / field.per_metre.y,
+                             1.0f / field.per_metre.z);
     field.scale = grid->scale != 0.0f ? grid->scale : 1.0f;
-    field.bx = (grid->nx - 1) / SCATTERI_BRICK + 1;
-    field.by = (grid->ny - 1) / SCATTERI_BRICK + 1;
-    field.bz = (grid->nz - 1) / SCATTERI_BRICK + 1;
+    field.unit = scatteri_length(scatteri_sub(grid->box.max, grid->box.min)) / (float)SCATTERI_NONE;
     return field;
 }
 
@@ -2143,7 +2149,7 @@ static float scatteri_voxel(const scatter_grid *grid, int i, int j, int k)
     return grid->density[((size_t)k * (size_t)grid->ny + (size_t)j) * (size_t)grid->nx + (size_t)i];
 }
 
-static int scatteri_clamp_int(int value, int low, int high)
+SCATTERI_FN int scatteri_clamp_int(int value, int low, int high)
 {
     return value < low ? low : value > high ? high : value;
 }
@@ -2182,26 +2188,12 @@ static float scatteri_field_at(const scatteri_field *field, scatter_vec3 x)
     return field->scale * scatteri_voxels_at(&field->grid, scatteri_voxel_coordinates(field, x));
 }
 
-/* Next t > t at which g + t dg crosses a plane through voxel centres on one axis; g is clamped outside 0..n-1. */
-static double scatteri_crossing(double g, double dg, double t, int n)
-{
-    const double at = g + dg * t;
-    double plane = dg > 0.0 ? floor(at + 1e-9) + 1.0 : ceil(at - 1e-9) - 1.0;
-    if (dg == 0.0)
-        return (double)SCATTERI_FAR;
-    if (dg > 0.0 ? plane < 0.0 : plane > (double)(n - 1))
-        plane = dg > 0.0 ? 0.0 : (double)(n - 1);
-    if (plane < 0.0 || plane > (double)(n - 1))
-        return (double)SCATTERI_FAR;
-    return (plane - g) / dg;
-}
-
-static double scatteri_smaller(double a, double b)
+SCATTERI_FN double scatteri_smaller(double a, double b)
 {
     return a < b ? a : b;
 }
 
-static double scatteri_larger(double a, double b)
+SCATTERI_FN double scatteri_larger(double a, double b)
 {
     return a > b ? a : b;
 }
@@ -2251,37 +2243,145 @@ static int scatteri_cut_segment(scatteri_segment *s, scatter_box box)
     return 1;
 }
 
-/* Integral of the field over the segment, exact: between the planes through the voxel centres the field along a
-   straight line is a cubic polynomial, which two Gauss-Legendre points integrate exactly. */
-static float scatteri_field_depth(const scatteri_field *field, scatteri_segment s)
+/* How far around voxel coordinates g, above -1, the field is certainly 0, m; -1: not known, 0: only in the cell of voxel
+   centres that g is in. */
+SCATTERI_FN double scatteri_free_at(const scatteri_field *field, const double *g)
 {
-    const double gauss = 0.21132486540518712; /* (1 - 1/sqrt 3) / 2 */
     const scatter_grid *grid = &field->grid;
-    const double per[3] = {(double)field->per_metre.x, (double)field->per_metre.y,
-                           (double)field->per_metre.z};
-    const int n[3] = {grid->nx, grid->ny, grid->nz};
-    double g[3], dg[3], sum = 0.0, t = 0.0;
+    const int i = scatteri_clamp_int((int)(g[0] + 0.5), 0, grid->nx - 1);
+    const int j = scatteri_clamp_int((int)(g[1] + 0.5), 0, grid->ny - 1);
+    const int k = scatteri_clamp_int((int)(g[2] + 0.5), 0, grid->nz - 1);
+    unsigned known;
+    float x, y, z;
+    if (field->distances == NULL)
+        return -1.0;
+    known = field->distances[((size_t)k * (size_t)grid->ny + (size_t)j) * (size_t)grid->nx + (size_t)i];
+    if (known == 0)
+        return -1.0;
+    x = (float)(g[0] - (double)i) * field->edge.x;
+    y = (float)(g[1] - (double)j) * field->edge.y;
+    z = (float)(g[2] - (double)k) * field->edge.z;
+    return scatteri_larger((double)((float)known * field->unit - scatteri_length(scatteri_v3(x, y, z))), 0.0);
+}
+
+/* A segment on its way through the voxels, whose centres lie at whole numbers. */
+typedef struct scatteri_walk {
+    double g[3], dg[3]; /* voxel coordinates at its start, and what they grow by in a metre */
+    double inverse[3];  /* 1/dg; where that is 0, a plane is never reached */
+    double plane[3];    /* through voxel centres, the next one on each axis */
+    double way[3];      /* from one plane to the next */
+    int n[3];
+} scatteri_walk;
+
+/* Finds the planes behind t. The segment is inside the box, above -1. */
+SCATTERI_FN void scatteri_find_planes(scatteri_walk *walk, double t)
+{
     int i;
-    if (!scatteri_cut_segment(&s, grid->box))
-        return 0.0f;
     for (i = 0; i < 3; i++) {
-        g[i] = (s.origin[i] - (double)scatteri_get(grid->box.min, i)) * per[i] - 0.5;
-        dg[i] = s.direction[i] * per[i];
+        const double at = walk->g[i] + t * walk->dg[i], n = (double)walk->n[i];
+        const int above = (int)(at + 1e-9 + 1.0), below = walk->n[i] - (int)(n - at + 1e-9) - 1;
+        walk->plane[i] = (double)(walk->way[i] > 0.0 ? above : below);
     }
+}
+
+SCATTERI_FN double scatteri_plane_at(const scatteri_walk *walk, int i)
+{
+    return (walk->plane[i] - walk->g[i]) * walk->inverse[i];
+}
+
+SCATTERI_FN double scatteri_first_plane(const scatteri_walk *walk)
+{
+    return scatteri_smaller(scatteri_plane_at(walk, 0), scatteri_smaller(scatteri_plane_at(walk, 1),
+                                                                       scatteri_plane_at(walk, 2)));
+}
+
+/* Without a branch: which plane comes next is hard to predict. */
+SCATTERI_FN void scatteri_pass_planes(scatteri_walk *walk, double t)
+{
+    int i;
+    for (i = 0; i < 3; i++)
+        walk->plane[i] += walk->way[i] * (double)(scatteri_plane_at(walk, i) <= t);
+}
+
+SCATTERI_FN double scatteri_on_axis(double g, int n)
+{
+    return scatteri_larger(0.0, scatteri_smaller(g, (double)(n - 1)));
+}
+
+/* Trilinear value at g in the cell of voxel centres i, j, k with the voxels v. */
+SCATTERI_FN double scatteri_cell_value(const float *v, const double *g, const int *n, int i, int j, int k)
+{
+    return (double)scatteri_trilinear(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7],
+                                      (float)(scatteri_on_axis(g[0], n[0]) - (double)i),
+                                      (float)(scatteri_on_axis(g[1], n[1]) - (double)j),
+                                      (float)(scatteri_on_axis(g[2], n[2]) - (double)k));
+}
+
+/* Mean of the field on the part of the walk within `half` of `middle` in one cell of voxel centres, where the field along
+   a straight line is a cubic polynomial, which two Gauss-Legendre points integrate exactly. */
+SCATTERI_FN double scatteri_cell_mean(const scatter_grid *grid, const scatteri_walk *walk,
+                                 const double *middle, double half)
+{
+    const double gauss = 0.57735026918962576 * half; /* 1/sqrt 3 */
+    const int *n = walk->n;
+    const int i = (int)scatteri_on_axis(middle[0], n[0]), j = (int)scatteri_on_axis(middle[1], n[1]);
+    const int k = (int)scatteri_on_axis(middle[2], n[2]);
+    const size_t x = i + 1 < n[0], y = j + 1 < n[1] ? (size_t)n[0] : 0;
+    const size_t z = k + 1 < n[2] ? (size_t)n[0] * (size_t)n[1] : 0;
+    const float *c = grid->density + ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)n[0] + (size_t)i;
+    const float v[8] = {c[0], c[x], c[y], c[y + x], c[z], c[z + x], c[z + y], c[z + y + x]};
+    double a[3], b[3];
+    int axis;
+    for (axis = 0; axis < 3; axis++) {
+        a[axis] = middle[axis] - gauss * walk->dg[axis];
+        b[axis] = middle[axis] + gauss * walk->dg[axis];
+    }
+    return 0.5 * (scatteri_cell_value(v, a, n, i, j, k) + scatteri_cell_value(v, b, n, i, j, k));
+}
+
+SCATTERI_FN void scatteri_begin_walk(const scatteri_field *field, const scatteri_segment *s,
+                                scatteri_walk *walk)
+{
+    const scatter_grid *grid = &field->grid;
+    int i;
+    walk->n[0] = grid->nx;
+    walk->n[1] = grid->ny;
+    walk->n[2] = grid->nz;
+    for (i = 0; i < 3; i++) {
+        const double per = (double)scatteri_get(field->per_metre, i);
+        walk->g[i] = (s->origin[i] - (double)scatteri_get(grid->box.min, i)) * per - 0.5;
+        walk->dg[i] = s->direction[i] * per;
+        walk->way[i] = walk->dg[i] < 0.0 ? -1.0 : 1.0;
+        walk->inverse[i] = walk->dg[i] != 0.0 ? 1.0 / walk->dg[i] : (double)SCATTERI_FAR;
+    }
+    scatteri_find_planes(walk, 0.0);
+}
+
+/* Integral of the field over the segment, exact. Empty cells add 0 exactly, so that passing them changes no bit; the map
+   is asked behind an empty cell only. Adds the cells that were not passed to *cells. */
+SCATTERI_HOT static float scatteri_field_depth(const scatteri_field *field, scatteri_segment s,
+                                               int *cells)
+{
+    scatteri_walk walk;
+    double sum = 0.0, t = 0.0, mean = 0.0;
+    if (!scatteri_cut_segment(&s, field->grid.box))
+        return 0.0f;
+    scatteri_begin_walk(field, &s, &walk);
     while (t < s.length) {
-        double next = s.length, a, b;
-        for (i = 0; i < 3; i++)
-            next = scatteri_smaller(next, scatteri_crossing(g[i], dg[i], t, n[i]));
-        a = t + gauss * (next - t);
-        b = next - gauss * (next - t);
-        sum += 0.5 * (next - t) *
-               ((double)scatteri_voxels_at(grid, scatteri_v3((float)(g[0] + a * dg[0]),
-                                                             (float)(g[1] + a * dg[1]),
-                                                             (float)(g[2] + a * dg[2]))) +
-                (double)scatteri_voxels_at(grid, scatteri_v3((float)(g[0] + b * dg[0]),
-                                                             (float)(g[1] + b * dg[1]),
-                                                             (float)(g[2] + b * dg[2]))));
-        t = next > t ? next : s.length;
+        const double next = scatteri_smaller(s.length, scatteri_first_plane(&walk));
+        const double middle = 0.5 * (t + next);
+        const double g[3] = {walk.g[0] + middle * walk.dg[0], walk.g[1] + middle * walk.dg[1],
+                             walk.g[2] + middle * walk.dg[2]};
+        const double clear = mean > 0.0 ? -1.0 : scatteri_free_at(field, g);
+        if (clear < 0.0) {
+            mean = scatteri_cell_mean(&field->grid, &walk, g, 0.5 * (next - t));
+            sum += (next - t) * mean;
+            ++*cells;
+        }
+        if (middle + clear > next)
+            scatteri_find_planes(&walk, t = middle + clear);
+        else
+            scatteri_pass_planes(&walk, t = next);
     }
     return field->scale * (float)sum;
 }
@@ -2334,57 +2434,343 @@ SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, scatte
     }
 }
 
-/* Whether a voxel in or next to the brick is not 0: then its trilinear support is not empty. */
-static int scatteri_brick_holds(const scatter_grid *grid, int b, int c, int d)
+/* --- distance map ---
+   For each voxel the Euclidean distance d from its centre to where the trilinear field is not 0: the union of boxes that
+   reach one voxel to either side of each voxel that is not 0. Squared distances are sums over the axes, so d^2 is found
+   axis by axis, exactly and in linear time: along z by counting, along y and x as the lower envelope of parabolas
+   (Felzenszwalb and Huttenlocher 2012). What is stored is
+
+       g = sqrt(max(d^2 - |h|^2/4, 0)),  h: edges of a voxel (0 along an axis with one voxel),
+
+   which is conservative under trilinear interpolation: with r the true distance of a point x and weights w_i of the
+   corners around it, sum w_i d_i^2 <= r^2 + V, V <= |h|^2/4 the variance of the corners, and
+   - for r >= |h|/2: sqrt(y - k) <= (y - k + r^2)/(2 r) at all corners, k = |h|^2/4, the mean is at most r;
+   - for r < |h|/2: sqrt(y - k) <= y/|h|, the mean is at most (r^2 + V)/|h| <= r (docs/theory.md).
+   A lookup at the nearest voxel costs an eighth and is what the rays here do: d changes by no more than the way, so x
+   is at least g - |x - centre| from all density. 16 bits hold a distance to 1/65535 of the diagonal, half the memory
+   traffic of floats; one unit less than g is stored, more than all rounding. */
+
+typedef struct scatteri_mapping {
+    const scatter_grid *grid;
+    uint16_t *distances;
+    float *scratch;
+    size_t room;             /* floats of scratch memory for one slab */
+    int slabs;
+    float z_to_y, y_to_x;    /* squared ratios of edges */
+    float less, units;       /* |h|^2/4 in squares of, and number of units in, an edge along x */
+} scatteri_mapping;
+
+/* Counts voxels since the last one that is not 0. */
+SCATTERI_HOT static void scatteri_count_up(const float *density, const uint16_t *before, int n,
+                                           uint16_t *count)
 {
-    const int i0 = b * SCATTERI_BRICK - 1, j0 = c * SCATTERI_BRICK - 1, k0 = d * SCATTERI_BRICK - 1;
-    const int beyond = SCATTERI_BRICK + 2; /* a voxel on either side */
+    int i;
+    for (i = 0; i < n; i++) {
+        const int next = before[i] + 1, most = SCATTERI_NONE;
+        count[i] = (uint16_t)((next < most ? next : most) * (density[i] == 0.0f));
+    }
+}
+
+/* The same from the other side. */
+SCATTERI_HOT static void scatteri_count_down(const uint16_t *before, int n, uint16_t *count)
+{
+    int i;
+    for (i = 0; i < n; i++) {
+        const int next = before[i] + 1, here = count[i];
+        count[i] = (uint16_t)(next < here ? next : here);
+    }
+}
+
+/* Along z, for all voxels of row j. */
+static void scatteri_map_z(void *data, int j)
+{
+    const scatteri_mapping *job = (const scatteri_mapping *)data;
+    const int nx = job->grid->nx, nz = job->grid->nz;
+    const size_t slice = (size_t)nx * (size_t)job->grid->ny, row = (size_t)j * (size_t)nx;
+    uint16_t *at = job->distances + row;
+    int k;
+    memset(at, 0xFF, (size_t)nx * sizeof *at);
+    for (k = 0; k < nz; k++, at += slice)
+        scatteri_count_up(job->grid->density + row + (size_t)k * slice, k > 0 ? at - slice : at, nx,
+                          at);
+    for (at -= slice, k = nz - 1; k > 0; k--, at -= slice)
+        scatteri_count_down(at, nx, at - slice);
+}
+
+/* Work space for 16 columns of up to n values: rows 0..n+1 of 16, row i + 1 holds value i of each. Parabolas on the
+   envelope are a list: from the last one, `before` leads to the one before it, `from` is where each begins to be the
+   lowest. Row 0 ends the lists. */
+typedef struct scatteri_columns16 {
+    float *f, *wide, *from;
+    int *before;
+} scatteri_columns16;
+
+enum { SCATTERI_COLUMN_ARRAYS = 4 };
+
+static scatteri_columns16 scatteri_columns_in(float *memory, int longest)
+{
+    const size_t size = ((size_t)longest + 2) * SCATTERI_LANES;
+    scatteri_columns16 c;
+    c.f = memory;
+    c.wide = memory + size;
+    c.from = memory + 2 * size;
+    c.before = (int *)(void *)(memory + 3 * size);
+    return c;
+}
+
+/* The last parabola of each list. */
+typedef struct scatteri_lasts {
+    int at[SCATTERI_LANES];
+    float f[SCATTERI_LANES], from[SCATTERI_LANES];
+} scatteri_lasts;
+
+SCATTERI_FN void scatteri_begin_lists(const scatteri_columns16 *c, scatteri_lasts *last)
+{
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        last->at[l] = c->before[l] = 0;
+        last->f[l] = c->wide[l] = SCATTERI_FAR;
+        last->from[l] = c->from[l] = -2.0f * SCATTERI_FAR;
+    }
+}
+
+/* Goes back in the lists that are to. */
+SCATTERI_FN void scatteri_go_back(const scatteri_columns16 *c, const int *SCATTERI_RESTRICT back,
+                                  scatteri_lasts *SCATTERI_RESTRICT last)
+{
+    const float *f = c->wide, *from = c->from;
+    const int *before = c->before;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const int at = last->at[l], earlier = before[at * SCATTERI_LANES + l];
+        const int to = back[l] ? earlier : at;
+        last->at[l] = to;
+        last->f[l] = f[to * SCATTERI_LANES + l];
+        last->from[l] = from[to * SCATTERI_LANES + l];
+    }
+}
+
+/* Least of each value and its neighbours: the support reaches one voxel further than the voxels. */
+SCATTERI_FN void scatteri_widen(const scatteri_columns16 *c, int n)
+{
+    int i, l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        c->f[l] = c->f[(n + 1) * SCATTERI_LANES + l] = SCATTERI_FAR;
+    for (i = SCATTERI_LANES; i < (n + 1) * SCATTERI_LANES; i++)
+        c->wide[i] = scatteri_min(scatteri_min(c->f[i - SCATTERI_LANES], c->f[i]),
+                                  c->f[i + SCATTERI_LANES]);
+    for (l = 0; l < SCATTERI_LANES; l++)
+        c->wide[(n + 1) * SCATTERI_LANES + l] = SCATTERI_FAR;
+}
+
+/* Which columns need parabola i beside its own place: where it is not above that of a neighbour on the side of that
+   neighbour, and both together do not hide it. */
+SCATTERI_FN int scatteri_needs_parabola(const float *SCATTERI_RESTRICT f,
+                                        int *SCATTERI_RESTRICT counts)
+{
+    int l, some = 0;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float here = f[l], below = f[l - SCATTERI_LANES], above = f[l + SCATTERI_LANES];
+        counts[l] = (here + 1.0f < scatteri_max(below, above)) &
+                    (2.0f * here - below - above <= 2.0f);
+        some |= counts[l];
+    }
+    return some;
+}
+
+/* Where parabola i becomes lower than the last one of each list; returns whether it hides some of these, in `back`. */
+SCATTERI_FN int scatteri_begin_parabola(const float *SCATTERI_RESTRICT f, int i,
+                                        const int *SCATTERI_RESTRICT counts,
+                                        const scatteri_lasts *SCATTERI_RESTRICT last,
+                                        float *SCATTERI_RESTRICT start, int *SCATTERI_RESTRICT back)
+{
+    int l, some = 0;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float there = (float)last->at[l], here = (float)i;
+        const float meet = 0.5f * (here + there + (f[l] - last->f[l]) / (here - there));
+        start[l] = scatteri_choose(0.5f, there, meet, -SCATTERI_FAR);
+        back[l] = counts[l] & (start[l] <= last->from[l]);
+        some |= back[l];
+    }
+    return some;
+}
+
+/* Lists of the parabolas on the envelopes of 16 columns, from below to above. */
+SCATTERI_FN void scatteri_list_parabolas(const scatteri_columns16 *c, int n, scatteri_lasts *last)
+{
+    float start[SCATTERI_LANES];
+    int counts[SCATTERI_LANES], back[SCATTERI_LANES], i, l;
+    for (i = 1; i <= n; i++) {
+        const int row = i * SCATTERI_LANES;
+        if (!scatteri_needs_parabola(c->wide + row, counts))
+            continue;
+        while (scatteri_begin_parabola(c->wide + row, i, counts, last, start, back))
+            scatteri_go_back(c, back, last);
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            c->before[row + l] = last->at[l];
+            c->from[row + l] = start[l];
+            last->at[l] = counts[l] ? i : last->at[l];
+            last->f[l] = counts[l] ? c->wide[row + l] : last->f[l];
+            last->from[l] = counts[l] ? start[l] : last->from[l];
+        }
+    }
+}
+
+/* Which lists hold a parabola that is lowest at i further back. */
+SCATTERI_FN int scatteri_is_behind(const scatteri_lasts *last, int i, int *back)
+{
+    int l, some = 0;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        back[l] = last->from[l] > (float)i;
+        some |= back[l];
+    }
+    return some;
+}
+
+/* f of 16 columns becomes the least of f[j] + (i - j)^2 over all j, after widening; SCATTERI_FAR: nothing there. */
+SCATTERI_HOT static void scatteri_lower_envelopes(const scatteri_columns16 *c, int n)
+{
+    scatteri_lasts last;
+    int back[SCATTERI_LANES], i, l;
+    scatteri_widen(c, n);
+    scatteri_begin_lists(c, &last);
+    scatteri_list_parabolas(c, n, &last);
+    for (i = n; i > 0; i--) {
+        while (scatteri_is_behind(&last, i, back))
+            scatteri_go_back(c, back, &last);
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float off = (float)(i - last.at[l]);
+            c->f[i * SCATTERI_LANES + l] =
+                scatteri_min(c->wide[i * SCATTERI_LANES + l], last.f[l] + off * off);
+        }
+    }
+}
+
+/* Squared distance in another unit; what has none keeps it. */
+SCATTERI_FN float scatteri_rescale(float square, float ratio)
+{
+    return scatteri_choose(square, SCATTERI_FAR, scatteri_min(square * ratio, 1e29f), SCATTERI_FAR);
+}
+
+/* Along y, 16 columns of one slice from i on; `squares` takes squares in edges along x. */
+SCATTERI_HOT static void scatteri_map_y(const scatteri_mapping *job, const uint16_t *counts, int i,
+                                        const scatteri_columns16 *c, float *squares)
+{
+    const int nx = job->grid->nx, ny = job->grid->ny;
+    const int some = nx - i < SCATTERI_LANES ? nx - i : (int)SCATTERI_LANES;
+    int j, l;
+    for (j = 0; j < ny; j++) {
+        float *f = c->f + (j + 1) * SCATTERI_LANES;
+        for (l = 0; l < some; l++) {
+            const int count = counts[j * nx + i + l];
+            const float z = scatteri_max((float)count - 1.0f, 0.0f);
+            const float square = scatteri_min(z * z * job->z_to_y, 1e29f);
+            f[l] = scatteri_choose((float)count, (float)SCATTERI_NONE, square, SCATTERI_FAR);
+        }
+        for (; l < SCATTERI_LANES; l++)
+            f[l] = SCATTERI_FAR;
+    }
+    scatteri_lower_envelopes(c, ny);
+    for (j = 0; j < ny; j++)
+        for (l = 0; l < some; l++)
+            squares[j * nx + i + l] =
+                scatteri_rescale(c->f[(j + 1) * SCATTERI_LANES + l], job->y_to_x);
+}
+
+SCATTERI_FN float scatteri_to_units(const scatteri_mapping *job, float square)
+{
+    const float g =
+        scatteri_sqrt(scatteri_max(square - job->less, 0.0f)) * job->units - 1.0f;
+    const float kept = scatteri_max(scatteri_cap(g, (float)SCATTERI_NONE - 1.0f), 0.0f);
+    return scatteri_choose(square, SCATTERI_FAR, kept, (float)SCATTERI_NONE);
+}
+
+/* Along x, 16 rows of one slice from j on. */
+SCATTERI_HOT static void scatteri_map_x(const scatteri_mapping *job, const float *squares, int j,
+                                        const scatteri_columns16 *c, uint16_t *distances)
+{
+    const int nx = job->grid->nx, ny = job->grid->ny;
+    const int some = ny - j < SCATTERI_LANES ? ny - j : (int)SCATTERI_LANES;
+    int i, l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float *row = squares + (j + (l < some ? l : some - 1)) * nx;
+        for (i = 0; i < nx; i++)
+            c->f[(i + 1) * SCATTERI_LANES + l] = row[i];
+    }
+    scatteri_lower_envelopes(c, nx);
+    for (i = SCATTERI_LANES; i < (nx + 1) * SCATTERI_LANES; i++)
+        c->f[i] = scatteri_to_units(job, c->f[i]);
+    for (l = 0; l < some; l++)
+        for (i = 0; i < nx; i++)
+            distances[(j + l) * nx + i] = (uint16_t)(int)c->f[(i + 1) * SCATTERI_LANES + l];
+}
+
+/* Along y and x, slices of one slab. */
+static void scatteri_map_slab(void *data, int slab)
+{
+    const scatteri_mapping *job = (const scatteri_mapping *)data;
+    const scatter_grid *grid = job->grid;
+    const int longest = grid->nx > grid->ny ? grid->nx : grid->ny;
+    const size_t slice = (size_t)grid->nx * (size_t)grid->ny;
+    float *squares = job->scratch + (size_t)slab * job->room;
+    const scatteri_columns16 columns = scatteri_columns_in(squares + slice, longest);
     int i, j, k;
-    for (k = k0 > 0 ? k0 : 0; k < k0 + beyond && k < grid->nz; k++)
-        for (j = j0 > 0 ? j0 : 0; j < j0 + beyond && j < grid->ny; j++)
-            for (i = i0 > 0 ? i0 : 0; i < i0 + beyond && i < grid->nx; i++)
-                if (scatteri_voxel(grid, i, j, k) != 0.0f)
-                    return 1;
-    return 0;
+    for (k = (int)((int64_t)grid->nz * slab / job->slabs);
+         k < (int)((int64_t)grid->nz * (slab + 1) / job->slabs); k++) {
+        uint16_t *distances = job->distances + (size_t)k * slice;
+        for (i = 0; i < grid->nx; i += SCATTERI_LANES)
+            scatteri_map_y(job, distances, i, &columns, squares);
+        for (j = 0; j < grid->ny; j += SCATTERI_LANES)
+            scatteri_map_x(job, squares, j, &columns, distances);
+    }
 }
 
-/* Fills the mask of bx*by*bz bricks. */
-static void scatteri_mark_bricks(scatteri_field *field)
+static float scatteri_square_ratio(double a, double b)
 {
-    unsigned char *mark = field->bricks;
-    int b, c, d;
-    for (d = 0; d < field->bz; d++)
-        for (c = 0; c < field->by; c++)
-            for (b = 0; b < field->bx; b++)
-                *mark++ = (unsigned char)scatteri_brick_holds(&field->grid, b, c, d);
+    return (float)scatteri_smaller(a / b * (a / b), 1e29);
 }
 
-static int scatteri_brick_of(float voxel, int count)
+static scatteri_mapping scatteri_mapping_of(const scatter_grid *grid)
 {
-    return scatteri_clamp_int((int)scatteri_clamp(voxel, 0.0f, 1e9f) / SCATTERI_BRICK, 0,
-                              count - 1);
+    const double x = ((double)grid->box.max.x - (double)grid->box.min.x) / grid->nx;
+    const double y = ((double)grid->box.max.y - (double)grid->box.min.y) / grid->ny;
+    const double z = ((double)grid->box.max.z - (double)grid->box.min.z) / grid->nz;
+    const int longest = grid->nx > grid->ny ? grid->nx : grid->ny;
+    scatteri_mapping job;
+    memset(&job, 0, sizeof job);
+    job.grid = grid;
+    job.slabs = grid->nz < SCATTERI_SLABS ? grid->nz : SCATTERI_SLABS;
+    job.room = (size_t)grid->nx * (size_t)grid->ny +
+               SCATTERI_COLUMN_ARRAYS * ((size_t)longest + 2) * SCATTERI_LANES;
+    job.z_to_y = scatteri_square_ratio(z, y);
+    job.y_to_x = scatteri_square_ratio(y, x);
+    job.less = 0.25f * ((float)(grid->nx > 1) + (float)(grid->ny > 1) * scatteri_square_ratio(y, x) +
+                        (float)(grid->nz > 1) * scatteri_square_ratio(z, x));
+    job.units = (float)(x / (double)scatteri_field_of(grid).unit);
+    return job;
 }
 
-/* 0 if the field is certainly 0 on the segment p..q: looks at the bricks of the segment's bounding box. */
-static int scatteri_may_be_filled(const scatteri_field *field, scatter_vec3 p, scatter_vec3 q)
+/* Bytes of the map and of what it is made with; 0: more than size_t holds. */
+static size_t scatteri_map_bytes(const scatter_grid *grid)
 {
-    const scatter_vec3 a = scatteri_voxel_coordinates(field, p),
-                       b = scatteri_voxel_coordinates(field, q);
-    const int i0 = scatteri_brick_of(a.x < b.x ? a.x : b.x, field->bx);
-    const int i1 = scatteri_brick_of((a.x < b.x ? b.x : a.x) + 1.0f, field->bx);
-    const int j0 = scatteri_brick_of(a.y < b.y ? a.y : b.y, field->by);
-    const int j1 = scatteri_brick_of((a.y < b.y ? b.y : a.y) + 1.0f, field->by);
-    const int k0 = scatteri_brick_of(a.z < b.z ? a.z : b.z, field->bz);
-    const int k1 = scatteri_brick_of((a.z < b.z ? b.z : a.z) + 1.0f, field->bz);
-    int i, j, k;
-    if (field->bricks == NULL)
-        return 1;
-    for (k = k0; k <= k1; k++)
-        for (j = j0; j <= j1; j++)
-            for (i = i0; i <= i1; i++)
-                if (field->bricks[(k * field->by + j) * field->bx + i] != 0)
-                    return 1;
-    return 0;
+    const scatteri_mapping job = scatteri_mapping_of(grid);
+    const size_t voxels = (size_t)grid->nx * (size_t)grid->ny * (size_t)grid->nz;
+    return (voxels + 1) / 2 * 2 * sizeof(uint16_t) + (size_t)job.slabs * job.room * sizeof(float);
+}
+
+/* Makes the map in `memory` of scatteri_map_bytes. */
+static void scatteri_map_distances(const scatter_host *host, scatteri_field *field, void *memory)
+{
+    const size_t voxels = (size_t)field->grid.nx * (size_t)field->grid.ny * (size_t)field->grid.nz;
+    scatteri_mapping job = scatteri_mapping_of(&field->grid);
+    scatter_host quiet = *host;
+    const scatteri_stage stage = {&quiet, 0.0f, 1.0f};
+    quiet.progress = NULL;
+    job.distances = (uint16_t *)memory;
+    job.scratch = (float *)memory + (voxels + 1) / 2;
+    (void)scatteri_parallel(&stage, field->grid.ny, scatteri_map_z, &job);
+    (void)scatteri_parallel(&stage, job.slabs, scatteri_map_slab, &job);
+    field->distances = job.distances;
 }
 
 /* --- one term at a time --- */
@@ -2439,12 +2825,13 @@ static float scatteri_gaussian_depth(scatter_gaussian g, const scatteri_segment 
 static float scatteri_local_depth(const scatter_medium *medium, const scatteri_segment *s)
 {
     float depth = 0.0f;
+    int cells = 0;
     size_t i;
     for (i = 0; i < medium->gaussian_count; i++)
         depth += scatteri_gaussian_depth(medium->gaussians[i], s);
     for (i = 0; i < medium->grid_count; i++) {
         const scatteri_field field = scatteri_field_of(&medium->grids[i]);
-        depth += scatteri_field_depth(&field, *s);
+        depth += scatteri_field_depth(&field, *s, &cells);
     }
     return depth;
 }
@@ -2502,7 +2889,7 @@ typedef struct scatteri_medium {
     int has_local, has_analytic, gray;
     float sigma_least; /* of the channels with extinction; 0 if none has */
     float sigma_most;
-    scatteri_buffer memory, bricks;
+    scatteri_buffer memory, distances;
 } scatteri_medium;
 
 static scatteri_lobes scatteri_lobes_of(const scatter_phase *phase)
@@ -2618,30 +3005,24 @@ static void scatteri_take_optics(scatteri_medium *medium, const scatter_medium *
     medium->sigma_most = s.z > medium->sigma_most ? s.z : medium->sigma_most;
 }
 
-static scatter_result scatteri_prepare_fields(const scatter_host *host, scatteri_medium *medium)
+/* Maps of distances for all grids. */
+static scatter_result scatteri_map_medium(const scatter_host *host, scatteri_medium *medium)
 {
     size_t bytes = 0, i;
     scatter_result result;
-    unsigned char *mask;
-    for (i = 0; i < medium->desc.grid_count; i++) {
-        medium->fields[i] = scatteri_field_of(&medium->desc.grids[i]);
-        bytes += (size_t)medium->fields[i].bx * (size_t)medium->fields[i].by *
-                 (size_t)medium->fields[i].bz;
+    char *memory;
+    for (i = 0; i < medium->desc.grid_count; i++)
+        bytes += scatteri_map_bytes(&medium->desc.grids[i]);
+    result = scatteri_reserve(host, &medium->distances, bytes, "the distances to voxels");
+    memory = (char *)medium->distances.data;
+    for (i = 0; i < medium->desc.grid_count && result == SCATTER_OK; i++) {
+        scatteri_map_distances(host, &medium->fields[i], memory);
+        memory += scatteri_map_bytes(&medium->desc.grids[i]);
     }
-    result = scatteri_reserve(host, &medium->bricks, bytes, "the mask of empty voxels");
-    if (result != SCATTER_OK)
-        return result;
-    mask = (unsigned char *)medium->bricks.data;
-    for (i = 0; i < medium->desc.grid_count; i++) {
-        medium->fields[i].bricks = mask;
-        scatteri_mark_bricks(&medium->fields[i]);
-        mask += (size_t)medium->fields[i].bx * (size_t)medium->fields[i].by *
-                (size_t)medium->fields[i].bz;
-    }
-    return SCATTER_OK;
+    return result;
 }
 
-/* Copies the description and prepares it. */
+/* Copies the description and prepares it, without maps of distances. */
 static scatter_result scatteri_prepare(const scatter_host *host, scatteri_medium *medium,
                                        const scatter_medium *desc)
 {
@@ -2656,6 +3037,7 @@ static scatter_result scatteri_prepare(const scatter_host *host, scatteri_medium
         host, &medium->memory, fields + grids + gaussians + heights + arrays + sizeof(float),
         "the medium");
     char *memory = (char *)medium->memory.data;
+    size_t i;
     if (result != SCATTER_OK)
         return result;
     medium->desc = *desc;
@@ -2677,7 +3059,9 @@ static scatter_result scatteri_prepare(const scatter_host *host, scatteri_medium
     medium->gaussians.padded = (int)padded;
     scatteri_fill_gaussians(&medium->gaussians, desc->gaussians, (float *)(void *)memory);
     scatteri_find_local(medium);
-    return scatteri_prepare_fields(host, medium);
+    for (i = 0; i < desc->grid_count; i++)
+        medium->fields[i] = scatteri_field_of(&medium->desc.grids[i]);
+    return SCATTER_OK;
 }
 
 static int scatteri_same(const void *a, const void *b, size_t count, size_t size)
@@ -2716,7 +3100,7 @@ static int scatteri_same_density(const scatter_medium *a, const scatter_medium *
 static void scatteri_drop_medium(const scatter_host *host, scatteri_medium *medium)
 {
     scatteri_drop(host, &medium->memory);
-    scatteri_drop(host, &medium->bricks);
+    scatteri_drop(host, &medium->distances);
 }
 
 /* --- inject --- */
@@ -2729,7 +3113,7 @@ typedef struct scatteri_injection {
     int slabs;
 } scatteri_injection;
 
-enum { SCATTERI_ROW = 512, SCATTERI_SLABS = 16 };
+enum { SCATTERI_ROW = 512 };
 
 static float scatteri_cell_center(float low, float cell, int i)
 {
@@ -3091,16 +3475,66 @@ static void scatteri_add_gaussians(const scatteri_gaussians *g, const scatteri_r
     page->complete = 0;
 }
 
-/* Adds the field at points, coordinates relative to `ref`. */
-SCATTERI_HOT static void scatteri_add_field(const scatteri_field *field, scatter_vec3 ref,
-                                            int count, const float *SCATTERI_RESTRICT x,
-                                            const float *SCATTERI_RESTRICT y,
-                                            const float *SCATTERI_RESTRICT z,
-                                            float *SCATTERI_RESTRICT density)
+/* How far around the points at t on 16 rays the field is certainly 0, m; not > 0: not known. Lowers `clear` to it. */
+SCATTERI_HOT static void scatteri_clear_lanes(const scatteri_field *field,
+                                              const scatteri_rays *SCATTERI_RESTRICT rays,
+                                              const float *SCATTERI_RESTRICT t,
+                                              float *SCATTERI_RESTRICT clear)
 {
-    int first;
-    for (first = 0; first < count; first += SCATTERI_LANES)
-        scatteri_field_lanes_inline(field, ref, x + first, y + first, z + first, density + first);
+    const scatter_box box = scatteri_box_from(field->grid.box, rays->ref);
+    const scatter_vec3 per = field->per_metre;
+    const float ex = field->edge.x, ey = field->edge.y, ez = field->edge.z;
+    const int nx = field->grid.nx, ny = field->grid.ny, nz = field->grid.nz;
+    const float mx = (float)(nx - 1), my = (float)(ny - 1), mz = (float)(nz - 1);
+    float off[SCATTERI_LANES], inside[SCATTERI_LANES], known[SCATTERI_LANES], slip[SCATTERI_LANES];
+    int at[SCATTERI_LANES], l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float ox = rays->ox[l], oy = rays->oy[l], oz = rays->oz[l];
+        const float x = ox + t[l] * rays->dx[l] - box.min.x, wx = box.max.x - box.min.x;
+        const float y = oy + t[l] * rays->dy[l] - box.min.y, wy = box.max.y - box.min.y;
+        const float z = oz + t[l] * rays->dz[l] - box.min.z, wz = box.max.z - box.min.z;
+        const float gx = scatteri_clamp(x * per.x - 0.5f, 0.0f, mx);
+        const float gy = scatteri_clamp(y * per.y - 0.5f, 0.0f, my);
+        const float gz = scatteri_clamp(z * per.z - 0.5f, 0.0f, mz);
+        const int i = (int)(gx + 0.5f), j = (int)(gy + 0.5f), k = (int)(gz + 0.5f);
+        const float px = (gx - (float)i) * ex, qx = x - scatteri_clamp(x, 0.0f, wx);
+        const float py = (gy - (float)j) * ey, qy = y - scatteri_clamp(y, 0.0f, wy);
+        const float pz = (gz - (float)k) * ez, qz = z - scatteri_clamp(z, 0.0f, wz);
+        const float outside = qx * qx + qy * qy + qz * qz;
+        inside[l] = (float)(outside == 0.0f);
+        off[l] = scatteri_sqrt(
+            scatteri_choose(0.0f, outside, outside, px * px + py * py + pz * pz));
+        at[l] = (k * ny + j) * nx + i;
+        /* points far from the first ray's origin are rounded */
+        slip[l] = 5e-7f * (scatteri_abs(ox) + scatteri_abs(oy) + scatteri_abs(oz) +
+                           scatteri_abs(rays->t1[l]));
+    }
+    for (l = 0; l < SCATTERI_LANES; l++)
+        known[l] = (float)field->distances[at[l]];
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float here = scatteri_choose(0.5f, inside[l], known[l] * field->unit - off[l], off[l]);
+        clear[l] = scatteri_min(clear[l], here - slip[l]);
+    }
+}
+
+/* How many of the points t, t + step, t + 2 step... on 16 rays, or those of them with a step, certainly are where all
+   fields are 0. */
+static int scatteri_empty_steps(const scatteri_field *fields, int count, const scatteri_rays *rays,
+                                const float *t, const float *step)
+{
+    float clear[SCATTERI_LANES], steps = 1e6f;
+    int f, l;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        clear[l] = SCATTERI_FAR;
+    for (f = 0; f < count; f++) {
+        if (fields[f].distances == NULL)
+            return 0;
+        scatteri_clear_lanes(&fields[f], rays, t, clear);
+    }
+    for (l = 0; l < SCATTERI_LANES; l++)
+        if (step[l] > 0.0f)
+            steps = scatteri_min(steps, clear[l] > 0.0f ? 1.0f + clear[l] / step[l] : 0.0f);
+    return (int)steps;
 }
 
 /* ------------------------------------------------------------------------------------------ >>depth
@@ -3192,6 +3626,7 @@ typedef struct scatteri_shadows {
     scatteri_slabs slabs;                                       /* hold the segments */
     int count, next, complete;                                  /* as in scatteri_page */
     int total;                                                  /* gathered so far */
+    int cells;                                                  /* voxels passed on the way */
     float x[SCATTERI_PAGE], y[SCATTERI_PAGE], z[SCATTERI_PAGE]; /* centre, relative to slabs.ref */
     float a[SCATTERI_PAGE], scale[SCATTERI_PAGE];               /* scale: c sqrt(pi)/(2a) */
     int inside[SCATTERI_PAGE]; /* segments can end inside the Gaussian's support */
@@ -3512,15 +3947,16 @@ static scatteri_segment scatteri_segment_of(const scatteri_points *p, int i)
     return s;
 }
 
-/* Depth of the grids by exact traversal: slow, and exact. */
-static void scatteri_add_field_depths(const scatteri_medium *medium, int count,
-                                      const scatteri_points *p, float *depth)
+/* Depth of the grids by exact traversal: slow, and exact. Returns the voxels on the way. */
+static int scatteri_add_field_depths(const scatteri_medium *medium, int count,
+                                     const scatteri_points *p, float *depth)
 {
     size_t f;
-    int i;
+    int i, cells = 0;
     for (f = 0; f < medium->desc.grid_count; f++)
         for (i = 0; i < count; i++)
-            depth[i] += scatteri_field_depth(&medium->fields[f], scatteri_segment_of(p, i));
+            depth[i] += scatteri_field_depth(&medium->fields[f], scatteri_segment_of(p, i), &cells);
+    return cells;
 }
 
 /* Points at t on the rays that the shadows began with. Where segments end at the bounds, and for grids, the points
@@ -3542,7 +3978,7 @@ static void scatteri_add_shadows(scatteri_shadows *s, const scatteri_rays *rays,
         scatteri_gather_shadows(s, next);
         scatteri_add_gathered(s, count, &sight, depth);
     }
-    scatteri_add_field_depths(s->medium, count, p, depth);
+    s->cells = scatteri_add_field_depths(s->medium, count, p, depth);
 }
 
 /* --- volumes of cells --- */
@@ -3632,6 +4068,17 @@ static void scatteri_closed_slice(void *data, int k)
         scatteri_closed_row(d, j, k, &points, &shadows);
 }
 
+/* Steps that are certainly empty from t on. */
+static int scatteri_steps_ahead(const scatteri_field *field, scatter_vec3 from,
+                                scatter_vec3 direction, float t, float step)
+{
+    const scatter_vec3 x =
+        scatteri_voxel_coordinates(field, scatteri_along(from, direction, t));
+    const double g[3] = {(double)x.x, (double)x.y, (double)x.z};
+    const double clear = scatteri_free_at(field, g);
+    return clear > 0.0 ? 1 + (int)scatteri_smaller(clear / (double)step, 1e6) : 0;
+}
+
 /* Steps of one cell from the cell to the source through the injected density: a shadow ray for each cell. */
 SCATTERI_HOT static float scatteri_march_to(const scatter_depth *d, scatter_vec3 from,
                                             scatter_vec3 direction, float t0, float t1)
@@ -3641,8 +4088,14 @@ SCATTERI_HOT static float scatteri_march_to(const scatter_depth *d, scatter_vec3
     const float step = (t1 - t0) / (float)steps;
     float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES], density[SCATTERI_LANES],
         sum = 0.0f;
-    int first, l;
-    for (first = 0; first < steps; first += SCATTERI_LANES) {
+    int first = 0, ahead, l;
+    while (first < steps) {
+        const float start = t0 + step * ((float)first + 0.5f);
+        ahead = scatteri_steps_ahead(d->injected, from, direction, start, step);
+        if (ahead > 0) {
+            first += ahead;
+            continue;
+        }
         for (l = 0; l < SCATTERI_LANES; l++) {
             const float t = t0 + step * ((float)(first + l) + 0.5f);
             x[l] = t * direction.x;
@@ -3653,6 +4106,7 @@ SCATTERI_HOT static float scatteri_march_to(const scatter_depth *d, scatter_vec3
         scatteri_field_lanes_inline(d->injected, from, x, y, z, density);
         for (l = 0; l < SCATTERI_LANES; l++)
             sum += first + l < steps ? density[l] : 0.0f;
+        first += SCATTERI_LANES;
     }
     return sum * step;
 }
@@ -3967,24 +4421,19 @@ static float scatteri_voxels_along(const scatteri_field *field, const scatteri_r
     return most * length;
 }
 
-/* Field at t on 16 rays; 0 at once where all of them are in empty bricks. */
+/* Adds the field at t on 16 rays. */
 SCATTERI_HOT static void scatteri_sample_field(const scatteri_field *field,
                                                const scatteri_rays *rays, const float *t,
                                                float *density)
 {
     float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES];
-    scatter_box box;
     int l;
     for (l = 0; l < SCATTERI_LANES; l++) {
         x[l] = rays->ox[l] + t[l] * rays->dx[l];
         y[l] = rays->oy[l] + t[l] * rays->dy[l];
         z[l] = rays->oz[l] + t[l] * rays->dz[l];
     }
-    box.min = scatteri_v3(scatteri_least(x), scatteri_least(y), scatteri_least(z));
-    box.max = scatteri_v3(scatteri_most(x), scatteri_most(y), scatteri_most(z));
-    if (scatteri_may_be_filled(field, scatteri_add(rays->ref, box.min),
-                               scatteri_add(rays->ref, box.max)))
-        scatteri_field_lanes_inline(field, rays->ref, x, y, z, density);
+    scatteri_field_lanes_inline(field, rays->ref, x, y, z, density);
 }
 
 /* Running sum of the fields along 16 columns: adds what lies between the shells at radii `before` and `here`, sampled
@@ -4001,11 +4450,14 @@ static void scatteri_sum_fields(const scatter_depth *d, const scatteri_rays *ray
             1;
         const float part = 1.0f / (float)samples;
         for (s = 0; s < samples; s++) {
-            float at[SCATTERI_LANES], density[SCATTERI_LANES];
+            float at[SCATTERI_LANES], density[SCATTERI_LANES], step[SCATTERI_LANES];
             for (l = 0; l < SCATTERI_LANES; l++) {
-                at[l] = before[l] + ((float)s + 0.5f) * part * (here[l] - before[l]);
+                step[l] = part * (here[l] - before[l]);
+                at[l] = before[l] + ((float)s + 0.5f) * step[l];
                 density[l] = 0.0f;
             }
+            if (scatteri_empty_steps(field, 1, rays, at, step) > 0)
+                continue;
             scatteri_sample_field(field, rays, at, density);
             for (l = 0; l < SCATTERI_LANES; l++)
                 running[l] += density[l] * part * (here[l] - before[l]);
@@ -4526,9 +4978,9 @@ static scatter_result scatteri_build_depth(const scatteri_stage *stage, scatter_
     return scatteri_fill(stage, d);
 }
 
-/* The medium's local terms in n^3 cells of its local box, as a field. */
+/* The medium's local terms in n^3 cells of its local box, as a field; with a map of distances if `map`. */
 static scatter_result scatteri_build_injected(const scatteri_stage *stage,
-                                              const scatteri_medium *medium, int n,
+                                              const scatteri_medium *medium, int n, int map,
                                               scatteri_buffer *memory, scatteri_field *field)
 {
     const scatter_host *host = stage->host;
@@ -4543,16 +4995,15 @@ static scatter_result scatteri_build_injected(const scatteri_stage *stage,
     if (values == 0)
         return scatteri_fail(host, SCATTER_TOO_LARGE,
                              "quality.grid %d needs more cells than an int counts", n);
-    result = scatteri_reserve(host, memory,
-                              values + (size_t)field->bx * (size_t)field->by * (size_t)field->bz,
+    result = scatteri_reserve(host, memory, values + (map ? scatteri_map_bytes(&grid) : 0),
                               "the injected density");
     if (result != SCATTER_OK)
         return result;
     volume.values = (float *)memory->data;
     field->grid.density = volume.values;
-    field->bricks = (unsigned char *)memory->data + values;
     result = scatteri_inject(stage, &medium->desc, &volume, 0);
-    scatteri_mark_bricks(field);
+    if (result == SCATTER_OK && map)
+        scatteri_map_distances(host, field, (char *)memory->data + values);
     return result;
 }
 
@@ -4696,16 +5147,6 @@ static double scatteri_tests(const scatteri_gaussians *g)
     return (double)g->padded / (double)SCATTERI_LANES;
 }
 
-/* Voxels on a long way through all grids. */
-static double scatteri_crossings(const scatter_medium *m)
-{
-    double sum = 0.0;
-    size_t i;
-    for (i = 0; i < m->grid_count; i++)
-        sum += (double)m->grids[i].nx + (double)m->grids[i].ny + (double)m->grids[i].nz;
-    return sum / 3.0;
-}
-
 /* Nodes of a quadrature on 16 eye rays, and what the medium is there. */
 typedef struct scatteri_nodes {
     int count;                                         /* points: rows times 16 */
@@ -4829,7 +5270,7 @@ static void scatteri_light_depth(const scatter_context *c, const scatteri_light 
         n->work[SCATTERI_WORK_GATHER] += 1.0;
         n->work[SCATTERI_WORK_TEST] += scatteri_tests(&c->medium.gaussians);
         n->work[SCATTERI_WORK_SHADOW] += rows * shadows.total;
-        n->work[SCATTERI_WORK_CROSSING] += rows * scatteri_crossings(&c->medium.desc);
+        n->work[SCATTERI_WORK_CROSSING] += (double)shadows.cells / (double)SCATTERI_LANES;
     } else {
         n->work[SCATTERI_WORK_READ] += rows;
         scatteri_read_depth(&light->depth, n->count, &n->points, depth);
@@ -5007,6 +5448,7 @@ typedef struct scatteri_eye {
     float profile0[SCATTERI_LANES], profile1[SCATTERI_LANES], step[SCATTERI_LANES],
         voxel[SCATTERI_LANES];
     float profile[SCATTERI_PROFILE + 2][SCATTERI_LANES];
+    int first[SCATTERI_LANES], last[SCATTERI_LANES]; /* steps of the march that are lit; -1: none */
     scatteri_pass pass;
     scatteri_shadows
         cast; /* by the light of the pass, if it cuts the rays and its depth is closed */
@@ -5127,6 +5569,20 @@ static int scatteri_extend_profile(scatteri_eye *eye, int i)
     return c->medium.sigma_least * least < SCATTERI_OPAQUE;
 }
 
+/* Passes cells of the profile that are certainly empty; returns the first one that may not be. */
+static int scatteri_pass_cells(scatteri_eye *eye, int i, int samples)
+{
+    const scatter_context *c = eye->context;
+    float t[SCATTERI_LANES];
+    int l, end;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        t[l] = eye->profile0[l] + ((float)i + 0.5f) * eye->step[l];
+    end = i + scatteri_empty_steps(c->fields, c->field_count, &eye->rays, t, eye->step);
+    for (; i < end && i < samples; i++)
+        memcpy(eye->profile[i + 1], eye->profile[i], sizeof eye->profile[i]);
+    return i;
+}
+
 static void scatteri_take_profile(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
@@ -5146,7 +5602,8 @@ static void scatteri_take_profile(scatteri_eye *eye)
               1;
     for (l = 0; l < SCATTERI_LANES; l++)
         eye->step[l] = (eye->profile1[l] - eye->profile0[l]) / (float)samples;
-    for (i = 0; i < samples; i++)
+    for (i = scatteri_pass_cells(eye, 0, samples); i < samples;
+         i = scatteri_pass_cells(eye, i + 1, samples))
         if (!scatteri_extend_profile(eye, i))
             break;
     eye->samples = i < samples ? i + 1 : samples;
@@ -5326,6 +5783,26 @@ SCATTERI_HOT static int scatteri_matters(const scatteri_nodes *n, float sigma)
     return some;
 }
 
+/* Leaves out nodes without density: where a ray has none the weight becomes 0, rows without any go. */
+SCATTERI_HOT static void scatteri_drop_empty(scatteri_nodes *n)
+{
+    int from, to = 0, l;
+    for (from = 0; from < n->count; from += SCATTERI_LANES) {
+        float most = 0.0f;
+        for (l = 0; l < SCATTERI_LANES; l++) {
+            const float density = n->density[from + l];
+            n->t[to + l] = n->t[from + l];
+            n->weight[to + l] = scatteri_choose(0.0f, density, n->weight[from + l], 0.0f);
+            n->cell[to + l] = n->cell[from + l];
+            n->depth[to + l] = n->depth[from + l];
+            n->density[to + l] = density;
+            most = scatteri_max(most, density);
+        }
+        to += most > 0.0f ? (int)SCATTERI_LANES : 0;
+    }
+    n->count = to;
+}
+
 /* The rays between the first and the last of the nodes. */
 static scatteri_rays scatteri_span_of(const scatteri_eye *eye)
 {
@@ -5349,6 +5826,8 @@ static void scatteri_evaluate_panel(scatteri_eye *eye, int p, const scatteri_rul
         scatteri_fill_nodes(eye);
         if (!scatteri_matters(&eye->nodes, c->medium.sigma_least))
             continue;
+        if (!c->quality.no_mask)
+            scatteri_drop_empty(&eye->nodes);
         span = scatteri_span_of(eye);
         if (pass->emission)
             scatteri_add_emission(eye);
@@ -5975,52 +6454,182 @@ static int scatteri_begin_eye(scatteri_eye *eye)
     return some;
 }
 
-/* One block of up to 16 uniform steps: density, and running sums of it. */
-static void scatteri_march_block(scatteri_eye *eye, int first, int rows, float *running)
+/* --- march: uniform steps with running sums, as in the papers ---
+   Step k of a ray is the k-th of `nodes` equal parts. The mask says which steps of each ray are lit: those from the first
+   to the last one with density (Navarro et al. 2008). The map of distances lets it pass empty steps and, where it is on,
+   too, leave out those in between. Fog has density everywhere. */
+
+static float scatteri_march_step(const scatteri_eye *eye, int l)
+{
+    return (eye->rays.t1[l] - eye->rays.t0[l]) / (float)eye->context->quality.nodes;
+}
+
+static float scatteri_march_t(const scatteri_eye *eye, int l, int k)
+{
+    return eye->rays.t0[l] + ((float)k + 0.5f) * scatteri_march_step(eye, l);
+}
+
+/* How far t is from where Gaussians reach ray l. */
+static float scatteri_off_hull(const scatteri_eye *eye, int l, float t)
+{
+    return eye->hull0[l] < eye->hull1[l] ? scatteri_max(eye->hull0[l] - t, t - eye->hull1[l])
+                                         : SCATTERI_FAR;
+}
+
+/* How many steps from k on, up or down, are certainly empty on all rays that count. */
+static int scatteri_pass_steps(const scatteri_eye *eye, int k, const int *counts)
 {
     const scatter_context *c = eye->context;
-    scatteri_nodes *n = &eye->nodes;
-    int k, l, f;
-    n->count = rows * SCATTERI_LANES;
-    for (k = 0; k < rows; k++)
-        for (l = 0; l < SCATTERI_LANES; l++) {
-            const float step = (eye->rays.t1[l] - eye->rays.t0[l]) / (float)c->quality.nodes;
-            n->t[k * SCATTERI_LANES + l] = eye->rays.t0[l] + ((float)(first + k) + 0.5f) * step;
-            n->weight[k * SCATTERI_LANES + l] = step;
-            n->cell[k * SCATTERI_LANES + l] = 0.0f;
-        }
-    scatteri_fill_nodes(eye);
-    n->work[SCATTERI_WORK_VOXEL] += (double)(rows * c->field_count);
-    if (c->field_count > 0)
-        scatteri_place_points(&eye->rays, n);
+    float t[SCATTERI_LANES], step[SCATTERI_LANES], steps = 1e6f;
+    int l, empty;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        float off;
+        t[l] = scatteri_march_t(eye, l, k);
+        step[l] = counts[l] ? scatteri_march_step(eye, l) : 0.0f;
+        off = scatteri_off_hull(eye, l, t[l]);
+        if (step[l] > 0.0f)
+            steps = scatteri_min(steps, off > 0.0f ? 1.0f + off / step[l] : 0.0f);
+    }
+    empty = scatteri_empty_steps(c->fields, c->field_count, &eye->rays, t, step);
+    return scatteri_clamp_int((int)steps, 0, empty);
+}
+
+/* Voxel density at step k of 16 rays; `filled`: which rays have any density there. Returns whether one has. */
+static int scatteri_sample_step(scatteri_eye *eye, int k, float *voxels, int *filled)
+{
+    const scatter_context *c = eye->context;
+    float t[SCATTERI_LANES];
+    int f, l, some = 0;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        t[l] = scatteri_march_t(eye, l, k);
+        voxels[l] = 0.0f;
+    }
     for (f = 0; f < c->field_count; f++)
-        scatteri_add_field(&c->fields[f], n->points.ref, n->count, n->points.x, n->points.y,
-                           n->points.z, n->density);
-    for (k = 0; k < n->count; k++) {
-        n->depth[k] = running[k % SCATTERI_LANES] + 0.5f * n->weight[k] * n->density[k];
-        running[k % SCATTERI_LANES] += n->weight[k] * n->density[k];
+        scatteri_sample_field(&c->fields[f], &eye->rays, t, voxels);
+    eye->nodes.work[SCATTERI_WORK_VOXEL] += (double)c->field_count;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        filled[l] = (eye->rays.t0[l] < eye->rays.t1[l]) &
+                    (voxels[l] > 0.0f || !(scatteri_off_hull(eye, l, t[l]) > 0.0f));
+        some |= filled[l];
+    }
+    return some;
+}
+
+/* First steps of the rays with density, in the direction `way`; rays that `seek` and find none keep what is there. */
+static void scatteri_find_step(scatteri_eye *eye, int k, int way, int *seek, int *found)
+{
+    const int nodes = eye->context->quality.nodes;
+    float voxels[SCATTERI_LANES];
+    int filled[SCATTERI_LANES], l, left = 0;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        left += seek[l];
+    while (left > 0 && k >= 0 && k < nodes) {
+        const int empty = scatteri_pass_steps(eye, k, seek);
+        if (empty > 0) {
+            k += way * empty;
+            continue;
+        }
+        (void)scatteri_sample_step(eye, k, voxels, filled);
+        for (l = 0; l < SCATTERI_LANES; l++)
+            if (seek[l] && filled[l]) {
+                found[l] = k;
+                seek[l] = 0;
+                left--;
+            }
+        k += way;
     }
 }
 
-/* Uniform steps with running sums, as in the papers. */
+/* Fills eye->first and eye->last; of rays that meet no medium -1. */
+static void scatteri_find_mask(scatteri_eye *eye)
+{
+    const scatter_context *c = eye->context;
+    const int masked = !c->quality.no_mask && !c->medium.has_analytic &&
+                       (c->light_count > 0 || scatteri_glows(c));
+    int seek[SCATTERI_LANES], l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        seek[l] = eye->rays.t0[l] < eye->rays.t1[l];
+        eye->first[l] = masked || !seek[l] ? -1 : 0;
+        eye->last[l] = masked || !seek[l] ? -1 : c->quality.nodes - 1;
+    }
+    if (!masked)
+        return;
+    scatteri_find_step(eye, 0, 1, seek, eye->first);
+    for (l = 0; l < SCATTERI_LANES; l++)
+        seek[l] = eye->first[l] >= 0;
+    scatteri_find_step(eye, c->quality.nodes - 1, -1, seek, eye->last);
+}
+
+/* Places step k as one more row of nodes. */
+static void scatteri_place_step(scatteri_eye *eye, int k, int row)
+{
+    scatteri_nodes *n = &eye->nodes;
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const int i = row * SCATTERI_LANES + l, lit = k >= eye->first[l] && k <= eye->last[l];
+        n->t[i] = scatteri_march_t(eye, l, k);
+        n->weight[i] = lit ? scatteri_march_step(eye, l) : 0.0f;
+        n->cell[i] = 0.0f;
+    }
+}
+
+/* Lights up to 16 steps whose voxel density is known. */
+static void scatteri_light_steps(scatteri_eye *eye, int rows, const float *voxels, float *running)
+{
+    const scatter_context *c = eye->context;
+    scatteri_nodes *n = &eye->nodes;
+    scatteri_rays span;
+    int i;
+    n->count = rows * SCATTERI_LANES;
+    scatteri_fill_nodes(eye);
+    for (i = 0; i < n->count; i++) {
+        float *sum = &running[i % SCATTERI_LANES];
+        n->density[i] += voxels[i];
+        n->depth[i] = *sum + 0.5f * n->weight[i] * n->density[i];
+        *sum += n->weight[i] * n->density[i];
+    }
+    if (!c->quality.no_mask && !c->quality.no_distance_map)
+        scatteri_drop_empty(n);
+    if (n->count == 0)
+        return;
+    span = scatteri_span_of(eye);
+    if (scatteri_glows(c))
+        scatteri_add_emission(eye);
+    for (i = 0; i < c->light_count; i++) {
+        scatteri_map map;
+        scatteri_map_light(&eye->rays, &c->lights[i], c->medium.turn, &map);
+        scatteri_add_light(eye, &c->lights[i], &map, &span, c->scene.visible != NULL);
+    }
+}
+
 static void scatteri_march_eye(scatteri_eye *eye, float *depth)
 {
     const scatter_context *c = eye->context;
-    int first, i;
+    const int passes = !c->quality.no_distance_map && !c->medium.has_analytic;
+    float voxels[SCATTERI_POINTS];
+    int filled[SCATTERI_LANES], counts[SCATTERI_LANES];
+    int l, k = c->quality.nodes, next, last = -1, row = 0;
     memset(depth, 0, SCATTERI_LANES * sizeof(float));
-    for (first = 0; first < c->quality.nodes; first += SCATTERI_ROWS) {
-        const int left = c->quality.nodes - first;
-        scatteri_rays span;
-        scatteri_march_block(eye, first, left < SCATTERI_ROWS ? left : (int)SCATTERI_ROWS, depth);
-        span = scatteri_span_of(eye);
-        if (scatteri_glows(c))
-            scatteri_add_emission(eye);
-        for (i = 0; i < c->light_count; i++) {
-            scatteri_map map;
-            scatteri_map_light(&eye->rays, &c->lights[i], c->medium.turn, &map);
-            scatteri_add_light(eye, &c->lights[i], &map, &span, c->scene.visible != NULL);
-        }
+    scatteri_find_mask(eye);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        counts[l] = eye->first[l] >= 0;
+        k = counts[l] && eye->first[l] < k ? eye->first[l] : k;
+        last = eye->last[l] > last ? eye->last[l] : last;
     }
+    while (k <= last) {
+        const int empty = passes ? scatteri_pass_steps(eye, k, counts) : 0;
+        if (empty == 0 &&
+            (scatteri_sample_step(eye, k, voxels + row * SCATTERI_LANES, filled) || !passes))
+            scatteri_place_step(eye, k, row++);
+        next = k + (empty > 0 ? empty : 1);
+        if (row > 0 && next / SCATTERI_ROWS > k / SCATTERI_ROWS) {
+            scatteri_light_steps(eye, row, voxels, depth);
+            row = 0;
+        }
+        k = next;
+    }
+    if (row > 0)
+        scatteri_light_steps(eye, row, voxels, depth);
 }
 
 SCATTERI_HOT static void scatteri_decay_lanes(float sigma, const float *SCATTERI_RESTRICT depth,
@@ -7593,19 +8202,23 @@ SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scat
         result = scatteri_check_source(&depth->host, source);
     if (result == SCATTER_OK && quality != NULL && !scatteri_check_quality(&depth->host, quality))
         result = SCATTER_BAD_ARGUMENT;
-    if (result == SCATTER_OK)
-        result = scatteri_prepare(&depth->host, &depth->own, medium);
     if (result != SCATTER_OK)
         return result;
     q = scatteri_resolve(quality, medium);
+    result = scatteri_prepare(&depth->host, &depth->own, medium);
+    if (result == SCATTER_OK && !q.no_distance_map)
+        result = scatteri_map_medium(&depth->host, &depth->own);
+    if (result != SCATTER_OK)
+        return result;
     depth->medium = &depth->own;
     depth->source = scatteri_unit_source(source);
     depth->method = q.depth;
     if (scatteri_reads_injected(q.depth) && depth->own.has_local) {
         depth->injected = &depth->own_injected;
         stage.high = 0.5f;
-        result = scatteri_build_injected(&stage, &depth->own, q.grid, &depth->own_memory,
-                                         &depth->own_injected);
+        result = scatteri_build_injected(&stage, &depth->own, q.grid,
+                                         !q.no_distance_map && q.depth == SCATTER_DEPTH_MARCH,
+                                         &depth->own_memory, &depth->own_injected);
         stage.low = stage.high;
         stage.high = 1.0f;
     }
@@ -7728,14 +8341,19 @@ static scatteri_stage scatteri_stage_of(const scatter_context *c, size_t lights,
 static scatter_result scatteri_update_medium(scatter_context *c, const scatter_scene *scene)
 {
     const scatteri_stage stage = scatteri_stage_of(c, scene->light_count, 0);
+    const scatter_quality *q = &c->quality;
     scatter_result result = scatteri_prepare(&c->host, &c->medium, &scene->medium);
-    c->has_injected = c->medium.has_local && (c->quality.density == SCATTER_DENSITY_VOLUME ||
-                                              scatteri_reads_injected(c->quality.depth));
+    if (result == SCATTER_OK && !q->no_distance_map)
+        result = scatteri_map_medium(&c->host, &c->medium);
+    c->has_injected = c->medium.has_local && (q->density == SCATTER_DENSITY_VOLUME ||
+                                              scatteri_reads_injected(q->depth));
     if (result != SCATTER_OK || !c->has_injected)
         return result;
     c->stats.injections++;
-    return scatteri_build_injected(&stage, &c->medium, c->quality.grid, &c->injected_memory,
-                                   &c->injected);
+    return scatteri_build_injected(&stage, &c->medium, q->grid,
+                                   !q->no_distance_map && (q->density == SCATTER_DENSITY_VOLUME ||
+                                                           q->depth == SCATTER_DEPTH_MARCH),
+                                   &c->injected_memory, &c->injected);
 }
 
 static void scatteri_choose_fields(scatter_context *c)
@@ -7833,6 +8451,7 @@ SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scen
     c->quality = scatteri_resolve(quality, &scene->medium);
     anew = !was_ready || before.depth != c->quality.depth || before.density != c->quality.density ||
            before.grid != c->quality.grid ||
+           before.no_distance_map != c->quality.no_distance_map ||
            !scatteri_same_density(&c->medium.desc, &scene->medium);
     if (anew)
         result = scatteri_update_medium(c, scene);
@@ -7861,7 +8480,7 @@ SCATTER_API scatter_stats scatter_get_stats(const scatter_context *c)
         return stats;
     stats = c->stats;
     stats.bytes = sizeof *c + (size_t)c->light_room * sizeof *c->lights + c->medium.memory.bytes +
-                  c->medium.bricks.bytes + c->injected_memory.bytes;
+                  c->medium.distances.bytes + c->injected_memory.bytes;
     for (i = 0; i < c->light_room; i++)
         stats.bytes += c->lights[i].depth.memory.bytes;
     return stats;
