@@ -278,11 +278,13 @@ typedef struct scatter_quality {
     scatter_ray_method ray;
     int nodes; /* quadrature: nodes per panel, 1..256; march: steps per ray, 1..4096; 0: 16 */
     int grid;  /* n of depth volumes and of the injected density, 2..1024; 0: 64, 128 for more than 256
-                  Gaussians, 3/2 of the voxels along the longest axis of a grid, at most 256 */
+                  Gaussians, 3/2 of the voxels along the longest axis of a grid, at most 256; less for many
+                  directional lights with polar depth, so that n^3 of all together is 2^26 values, 256 MB */
     int no_distance_map; /* not 0: rays go through empty voxels one by one, instead of passing them by a map of distances
                             (2 bytes a voxel, made anew when the voxels change). Slower, same image: for comparison */
     int no_mask;         /* not 0: light is gathered where there is no density, too: in the march before the first and
                             behind the last density on a ray. Slower, same image: for comparison */
+    int lights_per_update; /* depth volumes redone in one scatter_update at most, 0: all that are out of date */
 } scatter_quality;
 
 typedef struct scatter_ray {
@@ -3542,6 +3544,16 @@ static int scatteri_empty_steps(const scatteri_field *fields, int count, const s
    closed form. A point is always looked at from its own end: direction and length of the segment to the source
    (cut to the bounds). */
 
+/* Points on lines along the axes, where directional sources keep their depth. */
+typedef struct scatteri_lattice {
+    scatter_box box; /* the outermost points lie on its faces */
+    int n[3];        /* points, at least 2 */
+    float step[3];   /* m */
+    float *density;  /* of the local terms */
+    float *work;     /* of so many lights at a time: */
+    int crew;
+} scatteri_lattice;
+
 struct scatter_depth {
     scatter_host host;
     const scatteri_medium *medium; /* `own` or the context's */
@@ -3555,14 +3567,17 @@ struct scatter_depth {
     int nx, ny, nz;  /* cells; polar: directions, directions, radii */
     scatter_box box;
     scatter_vec3 cell;
+    const scatteri_lattice
+        *lattice; /* of a directional source, polar; `own_lattice` or the context's */
+    scatteri_lattice own_lattice;
+    int stride; /* of `values` on the lattice: points of so many sources lie side by side */
     const scatteri_field
         *injected; /* of the same cells, for methods that read density from a volume */
     scatteri_field own_injected;
     scatteri_buffer own_memory;
-    scatter_vec3 axis_u, axis_v,
-        axis_w; /* polar: frame of the directions or of the parallel columns */
-    float low_u, low_v, step_u, step_v; /* first column and distance of columns */
-    float low_r, step_r;                /* first shell and distance of shells */
+    scatter_vec3 axis_u, axis_v, axis_w; /* polar: frame of the directions */
+    float low_u, low_v, step_u, step_v;  /* first column and distance of columns */
+    float low_r, step_r;                 /* first shell and distance of shells */
 };
 
 /* Points, and where their source is seen from them. */
@@ -4310,7 +4325,7 @@ static void scatteri_sweep(void *data, int task)
 /* --- polar: columns that start at the source ---
    Directions on the square of an octahedral map, cut to the cone that holds the local box, times shells. Along a
    column each shell has one neighbour towards the source, with weight 1: depth is a running sum, and for Gaussians
-   the sum is an erf. A directional source has parallel columns. */
+   the sum is an erf. Directional sources: see "lattice". */
 
 static scatter_vec3 scatteri_corner(scatter_box b, int i)
 {
@@ -4330,26 +4345,6 @@ static void scatteri_polar_steps(scatter_depth *d, float high_u, float high_v, f
     d->step_u = scatteri_max((high_u - d->low_u) / (float)(d->nx - 1), 1e-30f);
     d->step_v = scatteri_max((high_v - d->low_v) / (float)(d->ny - 1), 1e-30f);
     d->step_r = scatteri_max((high_r - d->low_r) / (float)(d->nz - 1), 1e-30f);
-}
-
-static void scatteri_parallel_columns(scatter_depth *d)
-{
-    float high_u = -SCATTERI_FAR, high_v = -SCATTERI_FAR, high_r = -SCATTERI_FAR;
-    int i;
-    scatteri_polar_frame(d, d->source.direction);
-    d->low_u = d->low_v = d->low_r = SCATTERI_FAR;
-    for (i = 0; i < 8; i++) {
-        const scatter_vec3 x = scatteri_sub(scatteri_corner(d->box, i), d->box.min);
-        const float u = scatteri_dot(x, d->axis_u), v = scatteri_dot(x, d->axis_v),
-                    r = scatteri_dot(x, d->axis_w);
-        d->low_u = scatteri_min(d->low_u, u);
-        d->low_v = scatteri_min(d->low_v, v);
-        d->low_r = scatteri_min(d->low_r, r);
-        high_u = scatteri_max(high_u, u);
-        high_v = scatteri_max(high_v, v);
-        high_r = scatteri_max(high_r, r);
-    }
-    scatteri_polar_steps(d, high_u, high_v, high_r);
 }
 
 static void scatteri_polar_columns(scatter_depth *d)
@@ -4384,21 +4379,15 @@ SCATTERI_HOT static void scatteri_columns(const scatter_depth *SCATTERI_RESTRICT
 {
     const scatter_vec3 axis_u = d->axis_u, axis_v = d->axis_v, axis_w = d->axis_w;
     const float v = d->low_v + (float)j * d->step_v, last = (float)(d->nx - 1);
-    const float start = d->source.directional ? 0.0f : d->low_r;
-    const float parallel = (float)d->source.directional, low_u = d->low_u, step_u = d->step_u;
-    const float end = start + (float)(d->nz - 1) * d->step_r, low_r = parallel * d->low_r;
+    const float low_u = d->low_u, step_u = d->step_u, start = d->low_r;
+    const float end = start + (float)(d->nz - 1) * d->step_r;
     int l;
-    rays->ref = d->source.directional ? d->box.min : d->source.position;
+    rays->ref = d->source.position;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float u = low_u + scatteri_min((float)(i + l), last) * step_u;
-        const scatter_vec3 e =
+        const scatter_vec3 q =
             scatteri_oct_decode(scatteri_v2(scatteri_within(u, 1.0f), scatteri_within(v, 1.0f)));
-        const scatter_vec3 q = scatteri_v3(scatteri_choose(0.5f, parallel, 0.0f, e.x),
-                                           scatteri_choose(0.5f, parallel, 0.0f, e.y),
-                                           scatteri_choose(0.5f, parallel, 1.0f, e.z));
-        rays->ox[l] = parallel * (axis_u.x * u + axis_v.x * v + axis_w.x * low_r);
-        rays->oy[l] = parallel * (axis_u.y * u + axis_v.y * v + axis_w.y * low_r);
-        rays->oz[l] = parallel * (axis_u.z * u + axis_v.z * v + axis_w.z * low_r);
+        rays->ox[l] = rays->oy[l] = rays->oz[l] = 0.0f;
         rays->dx[l] = axis_u.x * q.x + axis_v.x * q.y + axis_w.x * q.z;
         rays->dy[l] = axis_u.y * q.x + axis_v.y * q.y + axis_w.y * q.z;
         rays->dz[l] = axis_u.z * q.x + axis_v.z * q.y + axis_w.z * q.z;
@@ -4471,7 +4460,7 @@ static void scatteri_sum_fields(const scatter_depth *d, const scatteri_rays *ray
 static void scatteri_cut_columns(const scatter_depth *d, scatteri_rays *rays)
 {
     const scatter_medium *medium = &d->medium->desc;
-    const int touches = !d->source.directional && d->low_r <= 0.1f * d->step_r;
+    const int touches = d->low_r <= 0.1f * d->step_r;
     int l;
     if (!medium->bounded)
         return;
@@ -4648,7 +4637,7 @@ SCATTERI_HOT static void scatteri_end_shells(const scatteri_rays *SCATTERI_RESTR
 /* Depth at `rows` shells from number `first` on. */
 static void scatteri_fill_shells(const scatter_depth *d, int first, int rows, scatteri_shells *w)
 {
-    const float start = (d->source.directional ? 0.0f : d->low_r) + (float)first * d->step_r;
+    const float start = d->low_r + (float)first * d->step_r;
     int k, l;
     scatteri_place_shells(&w->rays, start, d->step_r, rows, w->t);
     memset(w->depth, 0, (size_t)rows * SCATTERI_LANES * sizeof(float));
@@ -4681,7 +4670,7 @@ SCATTERI_HOT static void scatteri_store_row(const float *SCATTERI_RESTRICT depth
 /* Columns (i..i+15, j). */
 static void scatteri_fill_columns(const scatter_depth *d, int i, int j, scatteri_shells *w)
 {
-    const float start = d->source.directional ? 0.0f : d->low_r;
+    const float start = d->low_r;
     const int some = d->nx - i < SCATTERI_LANES ? d->nx - i : SCATTERI_LANES;
     scatteri_slabs slabs;
     int first, k, l;
@@ -4701,13 +4690,13 @@ static void scatteri_fill_columns(const scatter_depth *d, int i, int j, scatteri
         scatteri_fill_shells(d, first, rows, w);
         for (k = 0; k < rows; k++) {
             const float r = start + (float)(first + k) * d->step_r;
-            const float factor = d->source.directional ? 1.0f : r > 0.0f ? 1.0f / r : 0.0f;
+            const float factor = r > 0.0f ? 1.0f / r : 0.0f;
             float *out =
                 d->values + ((size_t)(first + k) * (size_t)d->ny + (size_t)j) * (size_t)d->nx + i;
             scatteri_store_row(w->depth + k * SCATTERI_LANES, factor, some, out);
         }
     }
-    for (l = 0; l < some && !d->source.directional && !(start > 0.0f); l++)
+    for (l = 0; l < some && !(start > 0.0f); l++)
         d->values[(size_t)j * (size_t)d->nx + (size_t)(i + l)] = d->at_source;
 }
 
@@ -4718,6 +4707,444 @@ static void scatteri_fill_column_row(void *data, int j)
     int i;
     for (i = 0; i < d->nx; i += SCATTERI_LANES)
         scatteri_fill_columns(d, i, j, &work);
+}
+
+/* --- directional sources: running sums through a lattice ---
+   All directional sources share the points of one lattice along the axes of the world, so that what reads them finds the
+   same corners for all. A source has parallel columns. They go from layer to layer of the lattice, square to the axis
+   that the light is nearest to, and move by the same fraction of a step each time: density at the columns, and depth
+   back at the points, are sums of neighbours with the same four weights in each direction. Nothing but density is ever
+   interpolated on the way, so nothing is smeared. */
+
+enum {
+    SCATTERI_TOGETHER = 4,  /* sources that are read at once */
+    SCATTERI_LAYERS = 16,   /* of a light along x, written at once */
+    SCATTERI_CREW = 8,      /* sources filled at once, each with work space of its own */
+    SCATTERI_LATTICE = 1024 /* points on one axis at most */
+};
+
+static int scatteri_on_lattice(scatter_depth_method method, const scatter_source *source)
+{
+    return method == SCATTER_DEPTH_POLAR && source->directional;
+}
+
+/* n points along the longest side, as far apart along the others. */
+static void scatteri_lay_lattice(scatteri_lattice *g, scatter_box box, int n)
+{
+    const scatter_vec3 size = scatteri_sub(box.max, box.min);
+    const float step = scatteri_max(size.x, scatteri_max(size.y, size.z)) / (float)(n - 1);
+    int i;
+    g->box = box;
+    for (i = 0; i < 3; i++) {
+        const float side = scatteri_get(size, i);
+        g->n[i] = scatteri_clamp_int((int)ceil((double)(0.999f * side / step)) + 1, 2, n);
+        g->step[i] = side / (float)(g->n[i] - 1);
+    }
+}
+
+static size_t scatteri_lattice_points(const scatteri_lattice *g)
+{
+    return (size_t)g->n[0] * (size_t)g->n[1] * (size_t)g->n[2];
+}
+
+static scatter_vec3 scatteri_lattice_step(const scatteri_lattice *g)
+{
+    return scatteri_v3(g->step[0], g->step[1], g->step[2]);
+}
+
+/* Two voxels around a point of the lattice on one axis, and their weights: 0 where the grid has ended. */
+typedef struct scatteri_pair {
+    int low, high;
+    float weight[2];
+} scatteri_pair;
+
+static scatteri_pair scatteri_pair_of(const scatteri_lattice *g, const scatteri_field *f, int axis,
+                                      int i)
+{
+    const int voxels = axis == 0 ? f->grid.nx : axis == 1 ? f->grid.ny : f->grid.nz;
+    const float x = scatteri_get(g->box.min, axis) - scatteri_get(f->grid.box.min, axis) +
+                    (float)i * g->step[axis];
+    const float at = x * scatteri_get(f->per_metre, axis) - 0.5f;
+    const float inside =
+        (float)((at > -0.501f) & (at < (float)voxels - 0.499f)); /* faces count, rounded */
+    const float on = scatteri_clamp(at, 0.0f, (float)(voxels - 1));
+    scatteri_pair pair;
+    pair.low = (int)on;
+    pair.high = pair.low + 1 < voxels ? pair.low + 1 : pair.low;
+    pair.weight[1] = inside * (on - (float)pair.low);
+    pair.weight[0] = inside - pair.weight[1];
+    return pair;
+}
+
+/* Those of all points on the x axis. */
+typedef struct scatteri_pairs {
+    int low[SCATTERI_LATTICE], high[SCATTERI_LATTICE];
+    float weight[2][SCATTERI_LATTICE];
+} scatteri_pairs;
+
+static void scatteri_pair_up(const scatteri_lattice *g, const scatteri_field *f,
+                             scatteri_pairs *pairs)
+{
+    int i;
+    for (i = 0; i < g->n[0]; i++) {
+        const scatteri_pair pair = scatteri_pair_of(g, f, 0, i);
+        pairs->low[i] = pair.low;
+        pairs->high[i] = pair.high;
+        pairs->weight[0][i] = pair.weight[0];
+        pairs->weight[1][i] = pair.weight[1];
+    }
+}
+
+/* Adds `weight` times a row of voxels to a row of the lattice. */
+SCATTERI_HOT static void scatteri_add_voxels(const scatteri_pairs *SCATTERI_RESTRICT pairs, int n,
+                                             const float *SCATTERI_RESTRICT voxels, float weight,
+                                             float *SCATTERI_RESTRICT row)
+{
+    int i;
+    for (i = 0; i < n; i++)
+        row[i] += weight * (pairs->weight[0][i] * voxels[pairs->low[i]] +
+                            pairs->weight[1][i] * voxels[pairs->high[i]]);
+}
+
+/* Adds the field to row j, k of the lattice. */
+static void scatteri_add_voxel_rows(const scatteri_lattice *g, const scatteri_field *f,
+                                    const scatteri_pairs *pairs, int j, int k, float *row)
+{
+    const scatteri_pair y = scatteri_pair_of(g, f, 1, j), z = scatteri_pair_of(g, f, 2, k);
+    int corner;
+    for (corner = 0; corner < 4; corner++) {
+        const int b = corner & 1, c = corner >> 1;
+        const size_t at =
+            (size_t)(c ? z.high : z.low) * (size_t)f->grid.ny + (size_t)(b ? y.high : y.low);
+        const float weight = f->scale * y.weight[b] * z.weight[c];
+        if (weight > 0.0f)
+            scatteri_add_voxels(pairs, g->n[0], f->grid.density + at * (size_t)f->grid.nx, weight,
+                                row);
+    }
+}
+
+typedef struct scatteri_sowing {
+    const scatteri_medium *medium;
+    const scatteri_lattice *lattice;
+    scatteri_injection gaussians;
+} scatteri_sowing;
+
+/* Local density at the points of layers z0.. of the lattice. */
+static void scatteri_sow_slab(void *data, int slab)
+{
+    const scatteri_sowing *job = (const scatteri_sowing *)data;
+    const scatteri_lattice *g = job->lattice;
+    const int z0 = (int)((int64_t)g->n[2] * slab / SCATTERI_SLABS),
+              z1 = (int)((int64_t)g->n[2] * (slab + 1) / SCATTERI_SLABS);
+    const size_t nx = (size_t)g->n[0], slice = nx * (size_t)g->n[1];
+    scatteri_pairs pairs;
+    size_t i;
+    int j, k;
+    memset(g->density + slice * (size_t)z0, 0, slice * (size_t)(z1 - z0) * sizeof(float));
+    for (i = 0; i < job->medium->desc.gaussian_count; i++) {
+        scatter_gaussian gaussian = job->medium->desc.gaussians[i];
+        gaussian.center = scatteri_sub(gaussian.center, g->box.min);
+        scatteri_splat(&job->gaussians, gaussian, z0, z1);
+    }
+    for (i = 0; i < job->medium->desc.grid_count; i++) {
+        scatteri_pair_up(g, &job->medium->fields[i], &pairs);
+        for (k = z0; k < z1; k++)
+            for (j = 0; j < g->n[1]; j++)
+                scatteri_add_voxel_rows(g, &job->medium->fields[i], &pairs, j, k,
+                                        g->density + slice * (size_t)k + nx * (size_t)j);
+    }
+}
+
+static scatter_result scatteri_sow(const scatteri_stage *stage, const scatteri_medium *medium,
+                                   const scatteri_lattice *g)
+{
+    const scatter_vec3 half = scatteri_scale(scatteri_lattice_step(g), 0.5f);
+    scatteri_sowing job;
+    memset(&job, 0, sizeof job);
+    job.medium = medium;
+    job.lattice = g;
+    job.gaussians.cell = scatteri_lattice_step(g);
+    job.gaussians.volume.values = g->density;
+    job.gaussians.volume.nx = g->n[0];
+    job.gaussians.volume.ny = g->n[1];
+    job.gaussians.volume.nz = g->n[2];
+    /* points are the centres of its cells; relative to the lattice, as far from 0 half a step is no float */
+    job.gaussians.volume.box.min = scatteri_scale(half, -1.0f);
+    job.gaussians.volume.box.max = scatteri_add(scatteri_sub(g->box.max, g->box.min), half);
+    return scatteri_parallel(stage, SCATTERI_SLABS, scatteri_sow_slab, &job);
+}
+
+/* The columns of one source. They count from `first` in both directions, and stand `offset` from the points. */
+typedef struct scatteri_sheaf {
+    const scatteri_lattice *g;
+    int axis;               /* the layers' */
+    int nu, nv, layers;     /* points: in a row, rows, layers */
+    size_t su, sv, sl;      /* between them in the lattice's arrays */
+    int backward;           /* layers are passed from the last to the first */
+    float shift_u, shift_v; /* of columns, points per layer */
+    float length;           /* of a column between two layers, m */
+    int first_u, first_v, wide;
+    float *depth, *density; /* of the columns at the last layer */
+    float *in, *out;        /* SCATTERI_LAYERS layers of lights along x, rows along y */
+    float *values;
+    int stride;
+} scatteri_sheaf;
+
+/* Whole and fractional part of where columns stand in layer m. */
+static int scatteri_offset(float shift, int m, float *fraction)
+{
+    const double at = (double)shift * m, whole = floor(at);
+    *fraction = (float)(at - whole);
+    return (int)whole;
+}
+
+/* The most that the columns through a layer need beyond its points: a point of the weights on one side, two on the
+   other, and the points that columns move by on their way through all layers. */
+static size_t scatteri_sheaf_room(const scatteri_lattice *g)
+{
+    size_t most = 0;
+    int i;
+    for (i = 0; i < 3; i++) {
+        const size_t n = (size_t)g->n[i];
+        const size_t u = (size_t)g->n[(i + 1) % 3], v = (size_t)g->n[(i + 2) % 3];
+        const size_t room = 2 * (u + n + 4) * (v + n + 4);
+        most = room > most ? room : most;
+    }
+    return most + 2 * (size_t)SCATTERI_LAYERS * (size_t)g->n[1] * (size_t)g->n[2];
+}
+
+/* What moves by less than a thousandth of a point on the whole way counts as at rest. */
+static float scatteri_shift(float shift)
+{
+    return scatteri_abs(shift) * (float)SCATTERI_LATTICE > 1e-3f ? shift : 0.0f;
+}
+
+static scatteri_sheaf scatteri_bind(const scatteri_lattice *g, scatter_vec3 w, float *work)
+{
+    const size_t stride[3] = {1, (size_t)g->n[0], (size_t)g->n[0] * (size_t)g->n[1]};
+    float per[3], fraction;
+    scatteri_sheaf s;
+    int i, u, v, moved;
+    memset(&s, 0, sizeof s);
+    for (i = 0; i < 3; i++) {
+        per[i] = scatteri_get(w, i) / g->step[i];
+        s.axis = scatteri_abs(per[i]) > scatteri_abs(per[s.axis]) ? i : s.axis;
+    }
+    u = s.axis == 0 ? 1 : 0;
+    v = s.axis == 2 ? 1 : 2;
+    s.g = g;
+    s.nu = g->n[u], s.nv = g->n[v], s.layers = g->n[s.axis];
+    s.su = stride[u], s.sv = stride[v], s.sl = stride[s.axis];
+    s.backward = per[s.axis] < 0.0f;
+    s.shift_u = scatteri_shift(per[u] / scatteri_abs(per[s.axis]));
+    s.shift_v = scatteri_shift(per[v] / scatteri_abs(per[s.axis]));
+    s.length = 1.0f / scatteri_abs(per[s.axis]);
+    moved = scatteri_offset(s.shift_u, s.layers - 1, &fraction);
+    s.first_u = -2 - (moved > 0 ? moved : 0);
+    s.wide = s.nu + 3 + (moved > 0 ? moved : -moved);
+    moved = scatteri_offset(s.shift_v, s.layers - 1, &fraction);
+    s.first_v = -2 - (moved > 0 ? moved : 0);
+    s.in = work;
+    s.out = s.in + (size_t)SCATTERI_LAYERS * (size_t)g->n[1] * (size_t)g->n[2];
+    s.depth = s.out + (size_t)SCATTERI_LAYERS * (size_t)g->n[1] * (size_t)g->n[2];
+    s.density = s.depth + (size_t)s.wide * (size_t)(s.nv + 3 + (moved > 0 ? moved : -moved));
+    return s;
+}
+
+/* Lagrange's weights of the points -1, 0, 1, 2 at f in 0..1. */
+static void scatteri_cubic(float f, float *weight)
+{
+    weight[0] = -f * (f - 1.0f) * (f - 2.0f) * 0.166666667f;
+    weight[1] = (f + 1.0f) * (f - 1.0f) * (f - 2.0f) * 0.5f;
+    weight[2] = -(f + 1.0f) * f * (f - 2.0f) * 0.5f;
+    weight[3] = (f + 1.0f) * f * (f - 1.0f) * 0.166666667f;
+}
+
+/* out = sum of weight times a, b, c, d. */
+SCATTERI_HOT static void
+scatteri_blend(const float *SCATTERI_RESTRICT a, const float *SCATTERI_RESTRICT b,
+               const float *SCATTERI_RESTRICT c, const float *SCATTERI_RESTRICT d,
+               const float *SCATTERI_RESTRICT weight, int n, float *SCATTERI_RESTRICT out)
+{
+    const float p = weight[0], q = weight[1], r = weight[2], s = weight[3];
+    int i;
+    for (i = 0; i < n; i++)
+        out[i] = p * a[i] + q * b[i] + r * c[i] + s * d[i];
+}
+
+/* A layer: where its columns stand. `row` i is that of the columns around point i; so are columns in a row. */
+typedef struct scatteri_layer {
+    int m, whole_u, whole_v;
+    float part_u, part_v;
+    float to_u[4], to_v[4], back_u[4], back_v[4]; /* weights: from points to columns, and back */
+    const float *points;                          /* density */
+    size_t row;                                   /* between its rows */
+    float since[SCATTERI_LATTICE +
+                8]; /* layers since the columns of a row came in through a side, at u = -2.. */
+} scatteri_layer;
+
+/* Columns that come in later lack no more than so many layers: beyond, light glances off the face. */
+#define SCATTERI_SHORT -4.0f
+
+/* Layers since a column at u came in through a side; many if it never does. */
+static float scatteri_since(float u, float shift, int n)
+{
+    const float inside = shift > 0.0f ? u : u - (float)(n - 1);
+    return shift != 0.0f ? scatteri_max(inside / shift, SCATTERI_SHORT) : 1e9f;
+}
+
+static void scatteri_begin_layer(const scatteri_sheaf *s, int m, scatteri_layer *layer)
+{
+    int i;
+    layer->m = m;
+    layer->whole_u = scatteri_offset(s->shift_u, m, &layer->part_u);
+    layer->whole_v = scatteri_offset(s->shift_v, m, &layer->part_v);
+    scatteri_cubic(layer->part_u, layer->to_u);
+    scatteri_cubic(layer->part_v, layer->to_v);
+    scatteri_cubic(1.0f - layer->part_u, layer->back_u);
+    scatteri_cubic(1.0f - layer->part_v, layer->back_v);
+    for (i = 0; i < s->nu + 3; i++)
+        layer->since[i] = scatteri_since((float)(i - 2) + layer->part_u, s->shift_u, s->nu);
+}
+
+/* Running sum along a row of columns. Outside, density goes on as at the face: a column starts from what it is short of
+   when it comes in, so that depth is smooth across the face where light enters, and where it leaves. */
+SCATTERI_HOT static void scatteri_grow_columns(int n, float length, float since_v,
+                                               const float *SCATTERI_RESTRICT since_u,
+                                               const float *SCATTERI_RESTRICT here,
+                                               float *SCATTERI_RESTRICT density,
+                                               float *SCATTERI_RESTRICT depth)
+{
+    int i;
+    for (i = 0; i < n; i++) {
+        const float since = scatteri_min(since_u[i], since_v), d = here[i];
+        const float mean = 0.5f * length * (d + density[i]);
+        const float inside = scatteri_max(depth[i], 0.0f) + scatteri_min(since, 1.0f) * mean;
+        depth[i] = scatteri_choose(0.0f, since, inside, since * length * d);
+        density[i] = d;
+    }
+}
+
+static float *scatteri_column_row(const scatteri_sheaf *s, const scatteri_layer *layer, int row,
+                                  float *columns)
+{
+    return columns + (size_t)(row - layer->whole_v - s->first_v) * (size_t)s->wide +
+           (-2 - layer->whole_u - s->first_u);
+}
+
+static const float *scatteri_point_row(const scatteri_sheaf *s, const scatteri_layer *layer,
+                                       int row)
+{
+    return layer->points + (size_t)scatteri_clamp_int(row, 0, s->nv - 1) * layer->row;
+}
+
+/* The columns around row `row`, from the layer before to this one. */
+static void scatteri_advance_row(const scatteri_sheaf *s, const scatteri_layer *layer, int row)
+{
+    float points[SCATTERI_LATTICE + 8], here[SCATTERI_LATTICE + 8];
+    const float since = scatteri_since((float)row + layer->part_v, s->shift_v, s->nv);
+    int i;
+    scatteri_blend(scatteri_point_row(s, layer, row - 1), scatteri_point_row(s, layer, row),
+                   scatteri_point_row(s, layer, row + 1), scatteri_point_row(s, layer, row + 2),
+                   layer->to_v, s->nu, points + 3);
+    for (i = 0; i < 3; i++) {
+        points[i] = points[3];
+        points[s->nu + 3 + i] = points[s->nu + 2];
+    }
+    scatteri_blend(points, points + 1, points + 2, points + 3, layer->to_u, s->nu + 3, here);
+    scatteri_grow_columns(s->nu + 3, s->length, scatteri_min(since, (float)layer->m), layer->since,
+                          here, scatteri_column_row(s, layer, row, s->density),
+                          scatteri_column_row(s, layer, row, s->depth));
+}
+
+SCATTERI_HOT static void scatteri_put_row(const float *SCATTERI_RESTRICT row, int n, size_t stride,
+                                          float *SCATTERI_RESTRICT out)
+{
+    int i;
+    for (i = 0; i < n; i++)
+        out[(size_t)i * stride] = scatteri_max(row[i], 0.0f);
+}
+
+/* Depth from the columns back to the points of a row. */
+static void scatteri_write_row(const scatteri_sheaf *s, const scatteri_layer *layer, int row,
+                               size_t stride, float *out)
+{
+    float columns[SCATTERI_LATTICE + 8], points[SCATTERI_LATTICE + 8];
+    scatteri_blend(scatteri_column_row(s, layer, row - 2, s->depth),
+                   scatteri_column_row(s, layer, row - 1, s->depth),
+                   scatteri_column_row(s, layer, row, s->depth),
+                   scatteri_column_row(s, layer, row + 1, s->depth), layer->back_v, s->nu + 3,
+                   columns);
+    scatteri_blend(columns, columns + 1, columns + 2, columns + 3, layer->back_u, s->nu, points);
+    scatteri_put_row(points, s->nu, stride, out);
+}
+
+/* A layer whose rows go to `out`, `row` apart. */
+static void scatteri_pass_layer(const scatteri_sheaf *s, const scatteri_layer *layer, size_t stride,
+                                size_t row, float *out)
+{
+    int i;
+    for (i = -2; i <= s->nv; i++) {
+        scatteri_advance_row(s, layer, i);
+        if (i > 0)
+            scatteri_write_row(s, layer, i - 1, stride, out + (size_t)(i - 1) * row);
+    }
+}
+
+/* Between layers square to x and the lattice, where they are far apart: point by point of a few of them. */
+SCATTERI_HOT static void scatteri_turn_layers(const scatteri_sheaf *s, int first, int count,
+                                              int out)
+{
+    const size_t plane = (size_t)s->nu * (size_t)s->nv;
+    float *values = s->values + (size_t)first * (size_t)s->stride;
+    const float *density = s->g->density + first;
+    size_t i;
+    int t;
+    for (i = 0; i < plane; i++)
+        if (out)
+            for (t = 0; t < count; t++)
+                values[((size_t)t + i * s->su) * (size_t)s->stride] = s->out[(size_t)t * plane + i];
+        else
+            for (t = 0; t < count; t++)
+                s->in[(size_t)t * plane + i] = density[(size_t)t + i * s->su];
+}
+
+/* Layers first..first+count, in the order of the light. */
+static void scatteri_pass_layers(const scatteri_sheaf *s, int first, int count)
+{
+    const size_t plane = (size_t)s->nu * (size_t)s->nv, stride = (size_t)s->stride;
+    scatteri_layer layer;
+    int t;
+    if (s->axis == 0)
+        scatteri_turn_layers(s, first, count, 0);
+    for (t = 0; t < count; t++) {
+        const int on = s->backward ? count - 1 - t : t, at = first + on;
+        scatteri_begin_layer(s, s->backward ? s->layers - 1 - at : at, &layer);
+        if (s->axis == 0) {
+            layer.points = s->in + (size_t)on * plane;
+            layer.row = (size_t)s->nu;
+            scatteri_pass_layer(s, &layer, 1, (size_t)s->nu, s->out + (size_t)on * plane);
+        } else {
+            layer.points = s->g->density + (size_t)at * s->sl;
+            layer.row = s->sv;
+            scatteri_pass_layer(s, &layer, stride, s->sv * stride,
+                                s->values + (size_t)at * s->sl * stride);
+        }
+    }
+    if (s->axis == 0)
+        scatteri_turn_layers(s, first, count, 1);
+}
+
+static void scatteri_fill_lattice(const scatter_depth *d, float *work)
+{
+    scatteri_sheaf s = scatteri_bind(d->lattice, d->source.direction, work);
+    int done;
+    s.values = d->values;
+    s.stride = d->stride;
+    for (done = 0; done < s.layers; done += SCATTERI_LAYERS) {
+        const int left = s.layers - done, count = left < SCATTERI_LAYERS ? left : SCATTERI_LAYERS;
+        scatteri_pass_layers(&s, s.backward ? left - count : done, count);
+    }
 }
 
 /* --- reading --- */
@@ -4737,16 +5164,12 @@ SCATTERI_FN float scatteri_gather8(const float *v, int base, int sy, int sz, flo
                               fz);
 }
 
-/* Depth at 16 points from a volume of cells. A point outside the box is moved along its segment to where the
-   segment leaves the box. */
-SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_points *p, int first,
-                                     float *SCATTERI_RESTRICT depth)
+/* A point outside the box moves along its segment by `shift` to where the segment enters the box; `inside` is 0 where it
+   never does, else 1. */
+SCATTERI_FN void scatteri_enter_box(scatter_box b, const scatteri_points *p, int first,
+                                    float *SCATTERI_RESTRICT shift, float *SCATTERI_RESTRICT inside)
 {
-    const scatter_box b = scatteri_box_from(d->box, p->ref);
-    const int nx = d->nx, ny = d->ny, nz = d->nz, directional = d->source.directional;
-    const float sx = 1.0f / d->cell.x, sy = 1.0f / d->cell.y, sz = 1.0f / d->cell.z;
-    int base[SCATTERI_LANES], l;
-    float fx[SCATTERI_LANES], fy[SCATTERI_LANES], fz[SCATTERI_LANES], factor[SCATTERI_LANES];
+    int l;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const int i = first + l;
         const float length = scatteri_min(p->length[i], SCATTERI_FAR);
@@ -4760,18 +5183,34 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
         const float farz = (scatteri_choose(0.0f, dz, b.max.z, b.min.z) - p->z[i]) / dz;
         const float enter = scatteri_max(scatteri_max(nearx, neary), scatteri_max(nearz, 0.0f));
         const float leave = scatteri_min(scatteri_min(farx, fary), scatteri_min(farz, length));
-        const float shift = scatteri_min(enter, 1e9f);
-        const float gx = (p->x[i] + shift * p->dx[i] - b.min.x) * sx - 0.5f;
-        const float gy = (p->y[i] + shift * p->dy[i] - b.min.y) * sy - 0.5f;
-        const float gz = (p->z[i] + shift * p->dz[i] - b.min.z) * sz - 0.5f;
+        shift[l] = scatteri_min(enter, 1e9f);
+        inside[l] = scatteri_choose(leave, enter, 0.0f, 1.0f);
+    }
+}
+
+/* Depth at 16 points from a volume of cells. */
+SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_points *p, int first,
+                                     float *SCATTERI_RESTRICT depth)
+{
+    const scatter_box b = scatteri_box_from(d->box, p->ref);
+    const int nx = d->nx, ny = d->ny, nz = d->nz, directional = d->source.directional;
+    const float sx = 1.0f / d->cell.x, sy = 1.0f / d->cell.y, sz = 1.0f / d->cell.z;
+    int base[SCATTERI_LANES], l;
+    float fx[SCATTERI_LANES], fy[SCATTERI_LANES], fz[SCATTERI_LANES], factor[SCATTERI_LANES];
+    float shift[SCATTERI_LANES], inside[SCATTERI_LANES];
+    scatteri_enter_box(b, p, first, shift, inside);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const int i = first + l;
+        const float gx = (p->x[i] + shift[l] * p->dx[i] - b.min.x) * sx - 0.5f;
+        const float gy = (p->y[i] + shift[l] * p->dy[i] - b.min.y) * sy - 0.5f;
+        const float gz = (p->z[i] + shift[l] * p->dz[i] - b.min.z) * sz - 0.5f;
         const int cx = scatteri_lower(gx, nx), cy = scatteri_lower(gy, ny),
                   cz = scatteri_lower(gz, nz);
         base[l] = (cz * ny + cy) * nx + cx;
         fx[l] = scatteri_clamp(gx - (float)cx, -0.5f, 1.5f);
         fy[l] = scatteri_clamp(gy - (float)cy, -0.5f, 1.5f);
         fz[l] = scatteri_clamp(gz - (float)cz, -0.5f, 1.5f);
-        factor[l] =
-            scatteri_choose(leave, enter, 0.0f, directional ? 1.0f : p->distance[i] - shift);
+        factor[l] = inside[l] * (directional ? 1.0f : p->distance[i] - shift[l]);
     }
     for (l = 0; l < SCATTERI_LANES; l++)
         depth[first + l] += scatteri_max(
@@ -4783,24 +5222,20 @@ SCATTERI_FN void scatteri_read_cells(const scatter_depth *d, const scatteri_poin
 SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_points *p, int first,
                                        float *SCATTERI_RESTRICT depth)
 {
-    const int directional = d->source.directional, nu = d->nx, nv = d->ny, nr = d->nz;
+    const int nu = d->nx, nv = d->ny, nr = d->nz;
     const scatter_vec3 u = d->axis_u, v = d->axis_v, w = d->axis_w;
-    const scatter_vec3 o = scatteri_sub(p->ref, directional ? d->box.min : d->source.position);
+    const scatter_vec3 o = scatteri_sub(p->ref, d->source.position);
     const float iu = 1.0f / d->step_u, iv = 1.0f / d->step_v, ir = 1.0f / d->step_r;
-    const float last = d->low_r + (float)(nr - 1) * d->step_r, parallel = (float)directional;
+    const float last = d->low_r + (float)(nr - 1) * d->step_r;
     int base[SCATTERI_LANES], l;
     float fr[SCATTERI_LANES], fu[SCATTERI_LANES], fv[SCATTERI_LANES], factor[SCATTERI_LANES];
     for (l = 0; l < SCATTERI_LANES; l++) {
         const float x = o.x + p->x[first + l], y = o.y + p->y[first + l], z = o.z + p->z[first + l];
-        const scatter_vec3 q = scatteri_v3(u.x * x + u.y * y + u.z * z, v.x * x + v.y * y + v.z * z,
-                                           w.x * x + w.y * y + w.z * z);
-        const scatteri_vec2 e = scatteri_oct_encode(q);
-        const float a = scatteri_choose(0.5f, parallel, q.x, e.x),
-                    b = scatteri_choose(0.5f, parallel, q.y, e.y);
-        const float r =
-            scatteri_min(scatteri_choose(0.5f, parallel, q.z, p->distance[first + l]), last);
-        const float gu = scatteri_clamp((a - d->low_u) * iu, 0.0f, (float)(nu - 1));
-        const float gv = scatteri_clamp((b - d->low_v) * iv, 0.0f, (float)(nv - 1));
+        const scatteri_vec2 e = scatteri_oct_encode(scatteri_v3(
+            u.x * x + u.y * y + u.z * z, v.x * x + v.y * y + v.z * z, w.x * x + w.y * y + w.z * z));
+        const float r = scatteri_min(p->distance[first + l], last);
+        const float gu = scatteri_clamp((e.x - d->low_u) * iu, 0.0f, (float)(nu - 1));
+        const float gv = scatteri_clamp((e.y - d->low_v) * iv, 0.0f, (float)(nv - 1));
         const float gr = scatteri_clamp((r - d->low_r) * ir, 0.0f, (float)(nr - 1));
         const int cu = scatteri_lower(gu, nu), cv = scatteri_lower(gv, nv),
                   cr = scatteri_lower(gr, nr);
@@ -4808,11 +5243,94 @@ SCATTERI_FN void scatteri_read_columns(const scatter_depth *d, const scatteri_po
         fu[l] = gu - (float)cu;
         fv[l] = gv - (float)cv;
         fr[l] = gr - (float)cr;
-        factor[l] = scatteri_choose(0.5f, parallel, 1.0f, r);
+        factor[l] = r;
     }
     for (l = 0; l < SCATTERI_LANES; l++)
         depth[first + l] +=
             factor[l] * scatteri_gather8(d->values, base[l], nu, nu * nv, fu[l], fv[l], fr[l]);
+}
+
+/* Points on a lattice: the lowest of the eight around each, and how far it is from there. */
+typedef struct scatteri_spots {
+    int base[SCATTERI_POINTS];
+    float fx[SCATTERI_POINTS], fy[SCATTERI_POINTS], fz[SCATTERI_POINTS];
+} scatteri_spots;
+
+/* 16 points, relative to `ref`. */
+SCATTERI_FN void scatteri_find_spots(const scatteri_lattice *g, scatter_vec3 ref,
+                                     const float *SCATTERI_RESTRICT x,
+                                     const float *SCATTERI_RESTRICT y,
+                                     const float *SCATTERI_RESTRICT z, int first,
+                                     scatteri_spots *SCATTERI_RESTRICT spots)
+{
+    const scatter_vec3 o = scatteri_sub(g->box.min, ref);
+    const int nx = g->n[0], ny = g->n[1], nz = g->n[2];
+    const float sx = 1.0f / g->step[0], sy = 1.0f / g->step[1], sz = 1.0f / g->step[2];
+    int l;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float gx = scatteri_clamp((x[l] - o.x) * sx, 0.0f, (float)(nx - 1));
+        const float gy = scatteri_clamp((y[l] - o.y) * sy, 0.0f, (float)(ny - 1));
+        const float gz = scatteri_clamp((z[l] - o.z) * sz, 0.0f, (float)(nz - 1));
+        const int i = scatteri_lower(gx, nx), j = scatteri_lower(gy, ny),
+                  k = scatteri_lower(gz, nz);
+        spots->base[first + l] = (k * ny + j) * nx + i;
+        spots->fx[first + l] = gx - (float)i;
+        spots->fy[first + l] = gy - (float)j;
+        spots->fz[first + l] = gz - (float)k;
+    }
+}
+
+SCATTERI_HOT static void scatteri_find_all_spots(const scatteri_lattice *g, int count,
+                                                 const scatteri_points *p, scatteri_spots *spots)
+{
+    int first;
+    for (first = 0; first < count; first += SCATTERI_LANES)
+        scatteri_find_spots(g, p->ref, p->x + first, p->y + first, p->z + first, first, spots);
+}
+
+/* Depth at 16 points from a lattice. */
+SCATTERI_FN void scatteri_read_lattice(const scatter_depth *d, const scatteri_points *p, int first,
+                                       float *SCATTERI_RESTRICT depth)
+{
+    const scatteri_lattice *g = d->lattice;
+    const int stride = d->stride, sy = g->n[0], sz = g->n[0] * g->n[1];
+    float x[SCATTERI_LANES], y[SCATTERI_LANES], z[SCATTERI_LANES];
+    float shift[SCATTERI_LANES], inside[SCATTERI_LANES];
+    scatteri_spots s;
+    int l;
+    scatteri_enter_box(scatteri_box_from(g->box, p->ref), p, first, shift, inside);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        x[l] = p->x[first + l] + shift[l] * p->dx[first + l];
+        y[l] = p->y[first + l] + shift[l] * p->dy[first + l];
+        z[l] = p->z[first + l] + shift[l] * p->dz[first + l];
+    }
+    scatteri_find_spots(g, p->ref, x, y, z, 0, &s);
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        const float *v = d->values + (size_t)s.base[l] * (size_t)stride;
+        const ptrdiff_t ax = stride, ay = (ptrdiff_t)sy * stride, az = (ptrdiff_t)sz * stride;
+        depth[first + l] +=
+            inside[l] * scatteri_trilinear(v[0], v[ax], v[ay], v[ay + ax], v[az], v[az + ax],
+                                           v[az + ay], v[az + ay + ax], s.fx[l], s.fy[l], s.fz[l]);
+    }
+}
+
+/* Depth at points from a lattice, of all sources whose values lie side by side: so many to a point. */
+SCATTERI_HOT static void scatteri_read_together(const scatteri_lattice *g, const float *values,
+                                                int count,
+                                                const scatteri_spots *SCATTERI_RESTRICT s,
+                                                float *SCATTERI_RESTRICT depth)
+{
+    const size_t sy = (size_t)g->n[0] * SCATTERI_TOGETHER, sz = sy * (size_t)g->n[1];
+    int i, c;
+    for (i = 0; i < count; i++) {
+        const float *SCATTERI_RESTRICT v = values + (size_t)s->base[i] * SCATTERI_TOGETHER;
+        const float fx = s->fx[i], fy = s->fy[i], fz = s->fz[i];
+        for (c = 0; c < SCATTERI_TOGETHER; c++) {
+            const float *p = v + c, *q = p + SCATTERI_TOGETHER;
+            depth[i * SCATTERI_TOGETHER + c] = scatteri_trilinear(
+                p[0], q[0], p[sy], q[sy], p[sz], q[sz], p[sz + sy], q[sz + sy], fx, fy, fz);
+        }
+    }
 }
 
 SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count,
@@ -4822,7 +5340,9 @@ SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count,
     if (!d->medium->has_local)
         return;
     for (first = 0; first < count; first += SCATTERI_LANES) {
-        if (d->method == SCATTER_DEPTH_POLAR)
+        if (scatteri_on_lattice(d->method, &d->source))
+            scatteri_read_lattice(d, p, first, depth);
+        else if (d->method == SCATTER_DEPTH_POLAR)
             scatteri_read_columns(d, p, first, depth);
         else
             scatteri_read_cells(d, p, first, depth);
@@ -4897,7 +5417,10 @@ static scatter_depth_method scatteri_choose_depth(scatter_depth_method method,
                                                                     : SCATTER_DEPTH_POLAR;
 }
 
-static int scatteri_choose_grid(int grid, const scatter_medium *medium)
+/* Points of the lattices of all directional lights by default: 2^26 values, 256 MB. */
+#define SCATTERI_SKY 67108864.0f
+
+static int scatteri_choose_grid(int grid, const scatter_medium *medium, size_t directional)
 {
     int n = medium->gaussian_count > 256 ? 128 : 64;
     size_t i;
@@ -4909,6 +5432,9 @@ static int scatteri_choose_grid(int grid, const scatter_medium *medium)
             g->nx > g->ny ? (g->nx > g->nz ? g->nx : g->nz) : (g->ny > g->nz ? g->ny : g->nz);
         n = scatteri_clamp_int(most + most / 2, n, 256);
     }
+    while (directional > 0 && n > 32 &&
+           (float)n * (float)n * (float)n * (float)directional > SCATTERI_SKY)
+        n--;
     return n;
 }
 
@@ -4923,8 +5449,6 @@ static void scatteri_shape(scatter_depth *d, int n)
         return;
     d->nx = d->ny = columns < 1024 ? columns : 1024;
     d->nz = d->medium->desc.grid_count > 0 ? n : shells;
-    if (d->source.directional && d->medium->desc.grid_count > 0)
-        d->nx = d->ny = n;
 }
 
 /* Where the cells of about n^3 lie. */
@@ -4935,9 +5459,7 @@ static void scatteri_lay_out(scatter_depth *d, int n)
     d->cell = scatteri_v3((d->box.max.x - d->box.min.x) / (float)n,
                           (d->box.max.y - d->box.min.y) / (float)n,
                           (d->box.max.z - d->box.min.z) / (float)n);
-    if (d->method == SCATTER_DEPTH_POLAR && d->source.directional)
-        scatteri_parallel_columns(d);
-    else if (d->method == SCATTER_DEPTH_POLAR)
+    if (d->method == SCATTER_DEPTH_POLAR)
         scatteri_polar_columns(d);
 }
 
@@ -4957,6 +5479,53 @@ static scatter_result scatteri_fill(const scatteri_stage *stage, scatter_depth *
     return SCATTER_OK;
 }
 
+/* Too many cells for an int. */
+static scatter_result scatteri_too_fine(const scatter_host *host, int n)
+{
+    return scatteri_fail(host, SCATTER_TOO_LARGE,
+                         "quality.grid %d needs more cells than an int counts", n);
+}
+
+/* A lattice that is laid gets density and work space for so many sources at a time. */
+static scatter_result scatteri_build_lattice(const scatteri_stage *stage,
+                                             const scatteri_medium *medium, int n, int crew,
+                                             scatteri_buffer *memory, scatteri_lattice *g)
+{
+    scatter_result result;
+    size_t points, room;
+    points = scatteri_bytes((size_t)g->n[0], (size_t)g->n[1], (size_t)g->n[2], 1);
+    if (points == 0 || scatteri_bytes(points, SCATTERI_TOGETHER, 1, sizeof(float)) == 0)
+        return scatteri_too_fine(stage->host, n);
+    room = scatteri_sheaf_room(g);
+    result = scatteri_reserve(stage->host, memory, (points + (size_t)crew * room) * sizeof(float),
+                              "density and work space of directional lights");
+    if (result != SCATTER_OK)
+        return result;
+    g->density = (float *)memory->data;
+    g->work = g->density + points;
+    g->crew = crew;
+    return scatteri_sow(stage, medium, g);
+}
+
+/* One directional source on a lattice of its own. */
+static scatter_result scatteri_build_alone(const scatteri_stage *stage, scatter_depth *d, int n)
+{
+    scatter_result result;
+    scatteri_lay_lattice(&d->own_lattice, d->medium->local, n);
+    result = scatteri_build_lattice(stage, d->medium, n, 1, &d->own_memory, &d->own_lattice);
+    if (result == SCATTER_OK)
+        result = scatteri_reserve(&d->host, &d->memory,
+                                  scatteri_lattice_points(&d->own_lattice) * sizeof(float),
+                                  "a depth volume");
+    if (result != SCATTER_OK)
+        return result;
+    d->lattice = &d->own_lattice;
+    d->values = (float *)d->memory.data;
+    d->stride = 1;
+    scatteri_fill_lattice(d, d->own_lattice.work);
+    return SCATTER_OK;
+}
+
 /* d->medium, source, method and (where it is read) injected are set. */
 static scatter_result scatteri_build_depth(const scatteri_stage *stage, scatter_depth *d, int n)
 {
@@ -4964,11 +5533,12 @@ static scatter_result scatteri_build_depth(const scatteri_stage *stage, scatter_
     size_t bytes;
     if (d->method == SCATTER_DEPTH_CLOSED || !d->medium->has_local)
         return SCATTER_OK;
+    if (scatteri_on_lattice(d->method, &d->source))
+        return scatteri_build_alone(stage, d, n);
     scatteri_lay_out(d, n);
     bytes = scatteri_bytes((size_t)d->nx, (size_t)d->ny, (size_t)d->nz, sizeof(float));
     if (bytes == 0)
-        return scatteri_fail(&d->host, SCATTER_TOO_LARGE,
-                             "quality.grid %d needs more cells than an int counts", n);
+        return scatteri_too_fine(&d->host, n);
     result = scatteri_reserve(&d->host, &d->memory, bytes, "a depth volume");
     if (result != SCATTER_OK)
         return result;
@@ -4993,8 +5563,7 @@ static scatter_result scatteri_build_injected(const scatteri_stage *stage,
     grid.box = volume.box = medium->local;
     *field = scatteri_field_of(&grid);
     if (values == 0)
-        return scatteri_fail(host, SCATTER_TOO_LARGE,
-                             "quality.grid %d needs more cells than an int counts", n);
+        return scatteri_too_fine(host, n);
     result = scatteri_reserve(host, memory, values + (map ? scatteri_map_bytes(&grid) : 0),
                               "the injected density");
     if (result != SCATTER_OK)
@@ -5060,7 +5629,13 @@ typedef struct scatteri_light {
     scatter_source source;
     float cos_inner, cos_outer;
     int in_rim; /* of the Gaussians: density at the light lies where rays are trimmed; -1: not known */
-    scatter_depth depth;
+    scatter_depth depth; /* its source is that of when it was filled */
+    unsigned medium,
+        due; /* number of the medium that it holds, of the update since which it is out of date; 0: it is not */
+    int chosen, filled;    /* to be filled in this update; it was, with more than analytic terms */
+    int slot;              /* number of a directional light on the lattice; -1: it is not there */
+    int resident;          /* light number i: of the light in slot i, */
+    scatteri_buffer batch; /* and the values of slots 4i..4i+3 */
 } scatteri_light;
 
 /* Gauss-Legendre on -1..1. */
@@ -5077,6 +5652,11 @@ struct scatter_context {
     scatter_scene scene; /* callbacks and background; medium and lights are above and below */
     scatteri_light *lights;
     int light_count, light_room;
+    int suns; /* directional lights on the lattice */
+    scatteri_lattice lattice;
+    scatteri_buffer lattice_memory;
+    int sown;                /* the lattice holds the density of the medium */
+    unsigned media, updates; /* so far */
     scatter_quality quality; /* resolved: no zeros */
     scatteri_field injected;
     scatteri_buffer injected_memory;
@@ -5105,10 +5685,12 @@ enum {
     SCATTERI_WORK_SHADOW,   /* Gaussian and row: depth to the light in closed form */
     SCATTERI_WORK_CROSSING, /* voxel on the way of 16 nodes to a light, in closed form */
     SCATTERI_WORK_READ,     /* light and row: depth read from a volume */
+    SCATTERI_WORK_TOGETHER, /* four directional lights and row: depth read, scattered and attenuated */
     SCATTERI_WORK_CALL,     /* host's callbacks */
     SCATTERI_WORK_CELL,     /* 16 cells of a volume filled */
+    SCATTERI_WORK_POINT,    /* 16 points of a lattice passed by a directional light */
     SCATTERI_WORK_RULE,     /* square of the nodes of a panel */
-    SCATTERI_WORK_STRAIN,   /* none, but a sign: nodes were fewer than features */
+    SCATTERI_WORK_STRAIN, /* none, but a sign: nodes were fewer than features */
     SCATTERI_WORKS
 };
 
@@ -5126,8 +5708,10 @@ static const float scatteri_nanoseconds[SCATTERI_WORKS] = {
     13.7f,   /* shadow */
     700.0f,  /* crossing */
     138.0f,  /* read */
+    150.0f,  /* together */
     120.0f,  /* call */
     19.0f,   /* cell */
+    40.0f,   /* point */
     1280.0f, /* rule */
     0.0f     /* strain */
 };
@@ -5247,23 +5831,26 @@ static int scatteri_needs_points(const scatter_context *c, const scatteri_light 
            c->scene.visible != NULL;
 }
 
-/* Depth from the points to the light: Gaussians and grids by the light's method, the rest closed. */
+/* Depth from the points to the light: Gaussians and grids by the light's method, the rest closed. A volume that is out of
+   date is read where its source was. */
 static void scatteri_light_depth(const scatter_context *c, const scatteri_light *light,
                                  const scatteri_rays *span, scatteri_nodes *n, float *depth)
 {
     const double rows = (double)(n->count / SCATTERI_LANES);
+    const int closed = scatteri_in_closed_form(c, light);
     int i;
     memset(depth, 0, (size_t)n->count * sizeof(float));
     if (scatteri_needs_points(c, light)) {
         scatteri_place_points(span, n);
-        scatteri_face_source(&light->source, &c->medium.desc, n->count, &n->points);
+        scatteri_face_source(closed ? &light->source : &light->depth.source, &c->medium.desc,
+                             n->count, &n->points);
     }
     for (i = 0; i < n->count && c->medium.desc.grid_count > 0; i++)
         n->points.length[i] = n->weight[i] > 0.0f ? n->points.length[i] : 0.0f;
     n->work[SCATTERI_WORK_LIGHT] += rows;
     if (c->medium.has_analytic)
         scatteri_add_analytic(&c->medium.desc, n->count, &n->points, depth);
-    if (scatteri_in_closed_form(c, light)) {
+    if (closed) {
         scatteri_shadows shadows;
         scatteri_begin_shadows(&shadows, &c->medium, &light->source, span, c->trim.depth);
         scatteri_add_shadows(&shadows, span, n->count, n->t, &n->points, depth);
@@ -5274,6 +5861,9 @@ static void scatteri_light_depth(const scatter_context *c, const scatteri_light 
     } else {
         n->work[SCATTERI_WORK_READ] += rows;
         scatteri_read_depth(&light->depth, n->count, &n->points, depth);
+        if (light->due != 0 &&
+            light->desc.kind == SCATTER_LIGHT_SPOT) /* its cone is where it is now */
+            scatteri_face_source(&light->source, &c->medium.desc, n->count, &n->points);
     }
 }
 
@@ -5376,6 +5966,113 @@ static void scatteri_add_rgb(const scatter_context *c, const scatteri_nodes *n, 
         radiance->r[l] += gain.x * r[l];
         radiance->g[l] += gain.y * (c->medium.gray ? r[l] : g[l]);
         radiance->b[l] += gain.z * (c->medium.gray ? r[l] : b[l]);
+    }
+}
+
+/* --- directional lights together --- */
+
+/* Whether the directional lights are read from the lattice at the same nodes. */
+static int scatteri_together(const scatter_context *c)
+{
+    return c->suns > 1 && c->medium.has_local && !c->twin && c->scene.visible == NULL &&
+           !c->medium.has_analytic;
+}
+
+/* What the lights of a batch send along 16 rays, where nothing is in between. */
+typedef struct scatteri_beams {
+    float intensity[SCATTERI_TOGETHER][3];
+    float phase[SCATTERI_TOGETHER][SCATTERI_LANES]; /* 1/sr */
+} scatteri_beams;
+
+static void scatteri_aim_beams(const scatter_context *c, const scatteri_rays *rays, int batch,
+                               scatteri_beams *beams)
+{
+    int i, l;
+    memset(beams, 0, sizeof *beams);
+    for (i = 0; i < SCATTERI_TOGETHER && batch * SCATTERI_TOGETHER + i < c->suns; i++) {
+        const scatter_light *light =
+            &c->lights[c->lights[batch * SCATTERI_TOGETHER + i].resident].desc;
+        beams->intensity[i][0] = light->intensity.x;
+        beams->intensity[i][1] = light->intensity.y;
+        beams->intensity[i][2] = light->intensity.z;
+        for (l = 0; l < SCATTERI_LANES; l++)
+            beams->phase[i][l] = scatteri_phase(
+                c->medium.lobes,
+                scatteri_omc(light->direction,
+                             scatteri_scale(scatteri_ray_direction(rays, l), -c->medium.turn)));
+    }
+}
+
+/* Adds to `light`, channel by channel, what comes through `depth` with extinction sigma: channels first..end. */
+SCATTERI_HOT static void scatteri_shine(const scatteri_beams *SCATTERI_RESTRICT beams, float sigma,
+                                        int first, int end, int count,
+                                        const float *SCATTERI_RESTRICT depth,
+                                        float (*SCATTERI_RESTRICT light)[SCATTERI_POINTS])
+{
+    int row, channel, i, l;
+    for (row = 0; row < count; row += SCATTERI_LANES) {
+        float through[SCATTERI_LANES * SCATTERI_TOGETHER];
+        for (l = 0; l < SCATTERI_LANES * SCATTERI_TOGETHER; l++)
+            through[l] = scatteri_decay(sigma * depth[row * SCATTERI_TOGETHER + l]);
+        for (i = 0; i < SCATTERI_TOGETHER; i++) {
+            float arrives[SCATTERI_LANES];
+            for (l = 0; l < SCATTERI_LANES; l++)
+                arrives[l] = beams->phase[i][l] * through[l * SCATTERI_TOGETHER + i];
+            for (channel = first; channel < end; channel++) {
+                const float intensity = beams->intensity[i][channel];
+                for (l = 0; l < SCATTERI_LANES; l++)
+                    light[channel][row + l] += intensity * arrives[l];
+            }
+        }
+    }
+}
+
+/* Light of all directional sources at the nodes, per steradian. */
+static void scatteri_gather_beams(const scatter_context *c, const scatteri_rays *rays,
+                                  scatteri_nodes *n, float (*light)[SCATTERI_POINTS])
+{
+    const scatter_vec3 s = c->medium.desc.extinction;
+    float depth[SCATTERI_POINTS * SCATTERI_TOGETHER];
+    scatteri_spots spots;
+    scatteri_beams beams;
+    int b;
+    scatteri_place_points(rays, n);
+    scatteri_find_all_spots(&c->lattice, n->count, &n->points, &spots);
+    for (b = 0; b * SCATTERI_TOGETHER < c->suns; b++) {
+        scatteri_read_together(&c->lattice, (const float *)c->lights[b].batch.data, n->count,
+                               &spots, depth);
+        scatteri_aim_beams(c, rays, b, &beams);
+        scatteri_shine(&beams, s.x, 0, c->medium.gray ? 3 : 1, n->count, depth, light);
+        if (!c->medium.gray) {
+            scatteri_shine(&beams, s.y, 1, 2, n->count, depth, light);
+            scatteri_shine(&beams, s.z, 2, 3, n->count, depth, light);
+        }
+        n->work[SCATTERI_WORK_TOGETHER] += (double)(n->count / SCATTERI_LANES);
+    }
+}
+
+/* Adds what the medium scatters of it. */
+static void scatteri_add_beams(const scatter_context *c, const scatteri_rays *rays,
+                               scatteri_nodes *n, scatteri_radiance *radiance)
+{
+    const scatter_vec3 s = c->medium.desc.extinction, gain = scatteri_mul(s, c->medium.desc.albedo);
+    float light[3][SCATTERI_POINTS], none[SCATTERI_POINTS];
+    float sum[3][SCATTERI_LANES];
+    int channel, i, l;
+    for (i = 0; i < n->count; i++)
+        none[i] = light[0][i] = light[1][i] = light[2][i] = 0.0f;
+    scatteri_gather_beams(c, rays, n, light);
+    memset(sum, 0, sizeof sum);
+    for (channel = 0; channel < 3; channel++) {
+        for (i = 0; i < n->count; i++)
+            light[channel][i] *= n->weight[i] * n->density[i];
+        scatteri_add_attenuated(n, scatteri_get(s, channel), c->field_count > 0, light[channel],
+                                none, sum[channel]);
+    }
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        radiance->r[l] += gain.x * sum[0][l];
+        radiance->g[l] += gain.y * sum[1][l];
+        radiance->b[l] += gain.z * sum[2][l];
     }
 }
 
@@ -5817,6 +6514,7 @@ static void scatteri_evaluate_panel(scatteri_eye *eye, int p, const scatteri_rul
 {
     const scatter_context *c = eye->context;
     const scatteri_pass *pass = &eye->pass;
+    const int together = pass->cut == NULL && scatteri_together(c);
     int first, i;
     for (first = 0; first < rule->count; first += SCATTERI_ROWS) {
         const int left = rule->count - first;
@@ -5831,7 +6529,9 @@ static void scatteri_evaluate_panel(scatteri_eye *eye, int p, const scatteri_rul
         span = scatteri_span_of(eye);
         if (pass->emission)
             scatteri_add_emission(eye);
-        for (i = pass->first; i < pass->end; i++) {
+        if (together)
+            scatteri_add_beams(c, &eye->rays, &eye->nodes, &eye->radiance);
+        for (i = pass->first; i < pass->end && !together; i++) {
             scatteri_map map = pass->map;
             if (!scatteri_in_pass(c, pass, i))
                 continue;
@@ -6595,8 +7295,12 @@ static void scatteri_light_steps(scatteri_eye *eye, int rows, const float *voxel
     span = scatteri_span_of(eye);
     if (scatteri_glows(c))
         scatteri_add_emission(eye);
+    if (scatteri_together(c))
+        scatteri_add_beams(c, &eye->rays, n, &eye->radiance);
     for (i = 0; i < c->light_count; i++) {
         scatteri_map map;
+        if (c->lights[i].source.directional && scatteri_together(c))
+            continue;
         scatteri_map_light(&eye->rays, &c->lights[i], c->medium.turn, &map);
         scatteri_add_light(eye, &c->lights[i], &map, &span, c->scene.visible != NULL);
     }
@@ -6722,6 +7426,7 @@ static float scatteri_depth_to(const scatter_context *c, const scatteri_light *l
     if (!c->twin)
         return scatter_depth_at(&light->depth, x);
     exact = light->depth;
+    exact.source = light->source;
     exact.method = SCATTER_DEPTH_CLOSED;
     return scatter_depth_at(&exact, x);
 }
@@ -7310,6 +8015,8 @@ static int scatteri_check_quality(const scatter_host *host, const scatter_qualit
                                "1..256 for quadrature, 1..4096 for the march, or 0");
     if (q->grid != 0 && (q->grid < 2 || q->grid > 1024))
         return scatteri_refuse(&at, ".grid", (float)q->grid, "2..1024, or 0");
+    if (q->lights_per_update < 0)
+        return scatteri_refuse(&at, ".lights_per_update", (float)q->lights_per_update, ">= 0");
     return 1;
 }
 
@@ -7795,12 +8502,18 @@ static void scatteri_count_columns(const scatter_context *c, const scatteri_ligh
                                    double *work)
 {
     scatter_depth d = light->depth;
+    scatteri_lattice lattice;
     double pairs = 0.0, pages = 0.0, gathers = 0.0, share;
     scatteri_shells shells;
     int i, rows;
     d.medium = &c->medium;
     d.source = light->source;
     d.method = SCATTER_DEPTH_POLAR;
+    if (light->source.directional) {
+        scatteri_lay_lattice(&lattice, c->medium.local, n);
+        work[SCATTERI_WORK_POINT] += (double)scatteri_lattice_points(&lattice) / SCATTERI_LANES;
+        return;
+    }
     scatteri_lay_out(&d, n);
     rows = (d.nx - 1) / SCATTERI_LANES + 1;
     for (i = 0; i < SCATTERI_SAMPLED; i++) {
@@ -7987,7 +8700,7 @@ static scatter_result scatteri_search(scatteri_planner *p, scatter_density_metho
         quality.depth = SCATTER_DEPTH_CLOSED;
         quality.density = density;
         quality.ray = ray ? SCATTER_RAY_MARCH : SCATTER_RAY_QUADRATURE;
-        quality.grid = scatteri_choose_grid(0, &p->scene->medium);
+        quality.grid = scatteri_choose_grid(0, &p->scene->medium, 0);
         result = scatteri_climb(p, &quality, &kept);
         if (result == SCATTER_OK && kept >= 0 && p->context->medium.has_local)
             result = scatteri_try_volumes(p, quality);
@@ -8035,7 +8748,7 @@ SCATTER_API scatter_result scatter_inject(const scatter_host *host, const scatte
 }
 
 static scatter_quality scatteri_resolve(const scatter_quality *quality,
-                                        const scatter_medium *medium)
+                                        const scatter_medium *medium, size_t directional)
 {
     scatter_quality q;
     memset(&q, 0, sizeof q);
@@ -8045,7 +8758,7 @@ static scatter_quality scatteri_resolve(const scatter_quality *quality,
     if (q.density == SCATTER_DENSITY_AUTO)
         q.density = medium->gaussian_count <= 2048 ? SCATTER_DENSITY_EXACT : SCATTER_DENSITY_VOLUME;
     q.nodes = q.nodes != 0 ? q.nodes : 16;
-    q.grid = scatteri_choose_grid(q.grid, medium);
+    q.grid = scatteri_choose_grid(q.grid, medium, q.depth == SCATTER_DEPTH_POLAR ? directional : 0);
     return q;
 }
 
@@ -8204,7 +8917,7 @@ SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scat
         result = SCATTER_BAD_ARGUMENT;
     if (result != SCATTER_OK)
         return result;
-    q = scatteri_resolve(quality, medium);
+    q = scatteri_resolve(quality, medium, 1);
     result = scatteri_prepare(&depth->host, &depth->own, medium);
     if (result == SCATTER_OK && !q.no_distance_map)
         result = scatteri_map_medium(&depth->host, &depth->own);
@@ -8252,8 +8965,11 @@ SCATTER_API void scatter_destroy(scatter_context *c)
     if (c == NULL)
         return;
     host = c->host;
-    for (i = 0; i < c->light_room; i++)
+    for (i = 0; i < c->light_room; i++) {
         scatteri_drop_depth(&c->lights[i].depth);
+        scatteri_drop(&host, &c->lights[i].batch);
+    }
+    scatteri_drop(&host, &c->lattice_memory);
     scatteri_release(&host, c->lights);
     scatteri_drop_medium(&host, &c->medium);
     scatteri_drop(&host, &c->injected_memory);
@@ -8298,34 +9014,95 @@ static int scatteri_same_source(const scatter_source *a, const scatter_source *b
            a->directional == b->directional;
 }
 
-/* Takes over one light; its depth is propagated again only if the light moved or `anew`. */
-static scatter_result scatteri_update_light(scatter_context *c, scatteri_light *light,
-                                            const scatter_light *desc, const scatteri_stage *stage,
-                                            int anew)
+/* Takes over one light, but not its depth. */
+static void scatteri_take_light(scatteri_light *light, const scatter_light *desc)
 {
-    const scatter_source source = scatteri_source_of(desc);
-    scatter_depth *d = &light->depth;
-    scatter_result result;
     light->desc = *desc;
+    light->source = scatteri_source_of(desc);
     if (desc->kind != SCATTER_LIGHT_POINT)
         light->desc.direction = scatteri_unit(desc->direction);
     if (desc->kind == SCATTER_LIGHT_DIRECTIONAL)
         light->desc.radius = 0.0f;
     light->cos_inner = (float)cos((double)desc->inner);
     light->cos_outer = (float)cos((double)desc->outer);
-    if (!anew && d->ready && scatteri_same_source(&source, &light->source))
-        return SCATTER_OK;
     light->in_rim = -1;
+}
+
+/* Values of a point on the lattice: one light is read alone, the others four at a time. */
+static int scatteri_stride(const scatter_context *c)
+{
+    return c->suns > 1 ? (int)SCATTERI_TOGETHER : 1;
+}
+
+/* Sees whether the depth of a light is out of date, or of something else altogether (then it is chosen at once). */
+static void scatteri_date_light(scatter_context *c, scatteri_light *light, int slot)
+{
+    scatter_depth *d = &light->depth;
+    const int known = d->ready && d->source.directional == light->source.directional &&
+                      light->slot == slot && (slot < 0 || d->stride == scatteri_stride(c)) &&
+                      (light->filled || !c->medium.has_local);
+    const int same =
+        known && light->medium == c->media && scatteri_same_source(&d->source, &light->source);
+    light->slot = slot;
+    light->chosen =
+        !known ||
+        (!same && (c->quality.lights_per_update == 0 || d->method == SCATTER_DEPTH_CLOSED));
+    light->due = same ? 0 : light->due != 0 ? light->due : c->updates;
+}
+
+/* Slots on the lattice for directional lights, in their order, and what of all depths is out of date. */
+static void scatteri_date_lights(scatter_context *c)
+{
+    int i, slot = 0;
+    c->suns = 0;
+    for (i = 0; i < c->light_count; i++)
+        c->suns += scatteri_on_lattice(c->quality.depth, &c->lights[i].source);
+    for (i = 0; i < c->light_count; i++) {
+        const int on = scatteri_on_lattice(c->quality.depth, &c->lights[i].source);
+        scatteri_date_light(c, &c->lights[i], on ? slot : -1);
+        if (on)
+            c->lights[slot++].resident = i;
+    }
+    for (; i < c->light_room; i++)
+        c->lights[i].depth.ready = 0; /* others may take its slot */
+}
+
+/* Of the lights that are out of date, those that have been so for longest. */
+static void scatteri_choose_lights(scatter_context *c)
+{
+    int left = c->quality.lights_per_update, i;
+    for (; left > 0; left--) {
+        scatteri_light *first = NULL;
+        for (i = 0; i < c->light_count; i++) {
+            scatteri_light *light = &c->lights[i];
+            if (light->due != 0 && !light->chosen && (first == NULL || light->due < first->due))
+                first = light;
+        }
+        if (first == NULL)
+            return;
+        first->chosen = 1;
+    }
+}
+
+static void scatteri_begin_fill(scatter_context *c, scatteri_light *light)
+{
+    scatter_depth *d = &light->depth;
     d->ready = 0;
     d->host = c->host;
     d->medium = &c->medium;
     d->injected = &c->injected;
     d->method = c->quality.depth;
-    d->source = light->source = source;
-    result = scatteri_build_depth(stage, d, c->quality.grid);
-    d->ready = result == SCATTER_OK;
-    c->stats.propagations += d->ready && c->medium.has_local && d->method != SCATTER_DEPTH_CLOSED;
-    return result;
+    d->source = light->source;
+}
+
+static void scatteri_end_fill(scatter_context *c, scatteri_light *light)
+{
+    light->depth.ready = 1;
+    light->filled = c->medium.has_local;
+    light->medium = c->media;
+    light->due = 0;
+    light->chosen = 0;
+    c->stats.propagations += c->medium.has_local && light->depth.method != SCATTER_DEPTH_CLOSED;
 }
 
 /* Part `part` of an update of so many lights: the medium, then each light. */
@@ -8345,6 +9122,8 @@ static scatter_result scatteri_update_medium(scatter_context *c, const scatter_s
     scatter_result result = scatteri_prepare(&c->host, &c->medium, &scene->medium);
     if (result == SCATTER_OK && !q->no_distance_map)
         result = scatteri_map_medium(&c->host, &c->medium);
+    c->media++;
+    c->sown = 0;
     c->has_injected = c->medium.has_local && (q->density == SCATTER_DENSITY_VOLUME ||
                                               scatteri_reads_injected(q->depth));
     if (result != SCATTER_OK || !c->has_injected)
@@ -8419,17 +9198,156 @@ static void scatteri_update_trim(scatter_context *c)
                 scatteri_in_rim(&c->medium.gaussians, c->trim.rays, c->lights[i].desc.position);
 }
 
+static int scatteri_same_lattice(const scatteri_lattice *a, const scatteri_lattice *b)
+{
+    return scatteri_same_box(a->box, b->box) && memcmp(a->n, b->n, sizeof a->n) == 0;
+}
+
+static int scatteri_holds(scatter_box box, scatter_box other)
+{
+    return scatteri_inside(box, other.min) && scatteri_inside(box, other.max);
+}
+
+/* Where lights wait for their turn the lattice stays as it is while the medium is inside: what they hold would be lost. */
+static void scatteri_place_lattice(scatter_context *c)
+{
+    scatteri_lattice next = c->lattice;
+    int i;
+    if (c->quality.lights_per_update > 0 && c->lattice.n[0] > 0 &&
+        scatteri_holds(c->lattice.box, c->medium.local))
+        return;
+    scatteri_lay_lattice(&next, c->medium.local, c->quality.grid);
+    if (scatteri_same_lattice(&next, &c->lattice))
+        return;
+    for (i = 0; i < c->light_room; i++)
+        c->lights[i].depth.ready &= c->lights[i].slot < 0;
+    c->lattice = next;
+    c->sown = 0;
+}
+
+/* The lights of one crew. */
+typedef struct scatteri_crew {
+    scatter_context *context;
+    int count, light[SCATTERI_CREW];
+} scatteri_crew;
+
+static void scatteri_fill_sun(void *data, int i)
+{
+    const scatteri_crew *crew = (const scatteri_crew *)data;
+    const scatteri_lattice *g = &crew->context->lattice;
+    scatteri_fill_lattice(&crew->context->lights[crew->light[i]].depth,
+                          g->work + (size_t)i * scatteri_sheaf_room(g));
+}
+
+/* Where a light's values go. Slots without a light are read with the others, so they hold numbers, too. */
+static scatter_result scatteri_begin_sun(scatter_context *c, scatteri_light *light)
+{
+    const size_t stride = (size_t)scatteri_stride(c);
+    const size_t bytes = scatteri_lattice_points(&c->lattice) * stride * sizeof(float);
+    scatteri_buffer *batch = &c->lights[light->slot / SCATTERI_TOGETHER].batch;
+    const int larger = batch->bytes < bytes;
+    const scatter_result result = scatteri_reserve(&c->host, batch, bytes, "depth volumes");
+    if (result != SCATTER_OK)
+        return result;
+    if (larger)
+        memset(batch->data, 0, bytes);
+    scatteri_begin_fill(c, light);
+    light->depth.lattice = &c->lattice;
+    light->depth.stride = (int)stride;
+    light->depth.values = (float *)batch->data + light->slot % SCATTERI_TOGETHER;
+    return SCATTER_OK;
+}
+
+/* Fills and empties the crew. */
+static scatter_result scatteri_fill_crew(const scatteri_stage *stage, scatteri_crew *crew)
+{
+    const scatter_result result = scatteri_parallel(stage, crew->count, scatteri_fill_sun, crew);
+    for (; crew->count > 0 && result == SCATTER_OK; crew->count--)
+        scatteri_end_fill(crew->context, &crew->context->lights[crew->light[crew->count - 1]]);
+    return result;
+}
+
+static scatter_result scatteri_fill_local(scatter_context *c, scatteri_light *light,
+                                          const scatteri_stage *stage)
+{
+    scatter_result result;
+    scatteri_begin_fill(c, light);
+    result = scatteri_build_depth(stage, &light->depth, c->quality.grid);
+    if (result == SCATTER_OK)
+        scatteri_end_fill(c, light);
+    return result;
+}
+
+/* Fills what was chosen: directional lights crew by crew, the others one by one. */
+static scatter_result scatteri_fill_lights(scatter_context *c)
+{
+    scatter_result result = SCATTER_OK;
+    scatteri_crew crew;
+    int i;
+    crew.context = c;
+    crew.count = 0;
+    for (i = 0; i < c->light_count && result == SCATTER_OK; i++) {
+        scatteri_light *light = &c->lights[i];
+        const int sun = light->slot >= 0 && c->medium.has_local;
+        scatteri_stage stage = scatteri_stage_of(c, (size_t)c->light_count, i + 1), before = stage;
+        if (!sun)
+            before.high = before.low;
+        if (sun && light->chosen) {
+            result = scatteri_begin_sun(c, light);
+            crew.light[crew.count++] = i;
+        }
+        if (result == SCATTER_OK && crew.count > 0 &&
+            (crew.count == SCATTERI_CREW || i + 1 == c->light_count))
+            result = scatteri_fill_crew(&before, &crew);
+        if (result == SCATTER_OK && light->chosen && !sun)
+            result = scatteri_fill_local(c, light, &stage);
+    }
+    return result;
+}
+
+/* Density on the lattice, and work space. */
+static scatter_result scatteri_prepare_lattice(scatter_context *c)
+{
+    const int crew = c->suns < SCATTERI_CREW ? c->suns : (int)SCATTERI_CREW;
+    scatteri_stage stage = scatteri_stage_of(c, (size_t)c->light_count, 1);
+    scatter_result result = SCATTER_OK;
+    stage.high = stage.low;
+    if (c->suns == 0 || !c->medium.has_local || (c->sown && crew <= c->lattice.crew))
+        return SCATTER_OK;
+    c->sown = 0;
+    result = scatteri_build_lattice(&stage, &c->medium, c->quality.grid, crew, &c->lattice_memory,
+                                    &c->lattice);
+    c->sown = result == SCATTER_OK;
+    return result;
+}
+
+/* `anew`: nothing that lights hold is of use any more. */
 static scatter_result scatteri_update_lights(scatter_context *c, const scatter_scene *scene,
                                              int anew)
 {
     scatter_result result = scatteri_reserve_lights(c, (int)scene->light_count);
     int i;
     c->light_count = result == SCATTER_OK ? (int)scene->light_count : 0;
-    for (i = 0; i < c->light_count && result == SCATTER_OK; i++) {
-        const scatteri_stage stage = scatteri_stage_of(c, scene->light_count, i + 1);
-        result = scatteri_update_light(c, &c->lights[i], &scene->lights[i], &stage, anew);
+    if (result != SCATTER_OK)
+        return result;
+    for (i = 0; i < c->light_count; i++) {
+        scatteri_take_light(&c->lights[i], &scene->lights[i]);
+        c->lights[i].depth.ready &= !anew;
     }
-    return result;
+    if (c->quality.depth == SCATTER_DEPTH_POLAR && c->medium.has_local)
+        scatteri_place_lattice(c);
+    scatteri_date_lights(c);
+    scatteri_choose_lights(c);
+    result = scatteri_prepare_lattice(c);
+    return result == SCATTER_OK ? scatteri_fill_lights(c) : result;
+}
+
+static size_t scatteri_count_suns(const scatter_scene *scene)
+{
+    size_t count = 0, i;
+    for (i = 0; i < scene->light_count; i++)
+        count += scene->lights[i].kind == SCATTER_LIGHT_DIRECTIONAL;
+    return count;
 }
 
 SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scene *scene,
@@ -8437,7 +9355,7 @@ SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scen
 {
     scatter_quality before;
     scatter_result result;
-    int was_ready, anew;
+    int was_ready, anew, moved;
     if (c == NULL)
         return SCATTER_BAD_ARGUMENT;
     was_ready = c->ready;
@@ -8448,12 +9366,13 @@ SCATTER_API scatter_result scatter_update(scatter_context *c, const scatter_scen
     if (result != SCATTER_OK)
         return result;
     before = c->quality;
-    c->quality = scatteri_resolve(quality, &scene->medium);
-    anew = !was_ready || before.depth != c->quality.depth || before.density != c->quality.density ||
-           before.grid != c->quality.grid ||
-           before.no_distance_map != c->quality.no_distance_map ||
-           !scatteri_same_density(&c->medium.desc, &scene->medium);
-    if (anew)
+    c->quality = scatteri_resolve(quality, &scene->medium, scatteri_count_suns(scene));
+    anew = !was_ready || before.depth != c->quality.depth || before.grid != c->quality.grid;
+    moved = anew || before.density != c->quality.density ||
+            before.no_distance_map != c->quality.no_distance_map ||
+            !scatteri_same_density(&c->medium.desc, &scene->medium);
+    c->updates++;
+    if (moved)
         result = scatteri_update_medium(c, scene);
     else
         scatteri_take_optics(&c->medium, &scene->medium);
@@ -8480,9 +9399,9 @@ SCATTER_API scatter_stats scatter_get_stats(const scatter_context *c)
         return stats;
     stats = c->stats;
     stats.bytes = sizeof *c + (size_t)c->light_room * sizeof *c->lights + c->medium.memory.bytes +
-                  c->medium.distances.bytes + c->injected_memory.bytes;
+                  c->medium.distances.bytes + c->injected_memory.bytes + c->lattice_memory.bytes;
     for (i = 0; i < c->light_room; i++)
-        stats.bytes += c->lights[i].depth.memory.bytes;
+        stats.bytes += c->lights[i].depth.memory.bytes + c->lights[i].batch.bytes;
     return stats;
 }
 

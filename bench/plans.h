@@ -11,13 +11,13 @@ enum {
     PLANS_SIZE = 48,    /* pixels along the edge of their images */
     PLANS_GAUSSIANS = 2000,
     PLANS_LIGHTS = 3,
-    PLANS_FILE_SIZE = 64, /* the same of scene files */
+    PLANS_FILE_SIZE = 64,  /* the same of scene files */
     PLANS_FILE_SMALL = 32, /* with many Gaussians, where the reference takes minutes */
-    PLANS_LARGE = 256,    /* the same where the time of an estimate is measured */
-    PLANS_NODES = 64,     /* of the yardstick */
-    PLANS_CHECKED = 10,   /* random scenes whose yardstick is compared with the reference */
-    PLANS_FEW = 40,       /* Gaussians up to which the reference is fast enough for that */
-    PLANS_LATTICE = 16,   /* its pixels along an edge */
+    PLANS_LARGE = 256,     /* the same where the time of an estimate is measured */
+    PLANS_NODES = 64,      /* of the yardstick */
+    PLANS_CHECKED = 10,    /* random scenes whose yardstick is compared with the reference */
+    PLANS_FEW = 40,        /* Gaussians up to which the reference is fast enough for that */
+    PLANS_LATTICE = 16,    /* its pixels along an edge */
     PLANS_BUDGETS = 3,
     PLANS_GRIDS = 3,
     PLANS_FITTED = 4096 /* timed images for the cost model */
@@ -630,8 +630,8 @@ static void plans_estimates(report *r, const scene_list *list, const plans_estim
 static void plans_weights(report *r, const plans_fit *fit)
 {
     static const char *const names[SCATTERI_WORKS] = {
-        "packet", "test",   "page",     "node", "gaussian", "bin",  "voxel", "gather",
-        "light",  "shadow", "crossing", "read", "call",     "cell", "rule",  "strain"};
+        "packet", "test",     "page", "node",     "gaussian", "bin",  "voxel", "gather", "light",
+        "shadow", "crossing", "read", "together", "call",     "cell", "point", "rule",   "strain"};
     double weight[SCATTERI_WORKS], off[PLANS_FITTED];
     plans_solve(fit, weight);
     for (int i = 0; i < fit->count; i++)

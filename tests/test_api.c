@@ -349,16 +349,17 @@ typedef struct bad_quality {
 } bad_quality;
 
 static const bad_quality bad_qualities[] = {
-    {"depth", {(scatter_depth_method)-1, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 0, 0}},
-    {"depth", {(scatter_depth_method)8, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 0, 0}},
-    {"density", {SCATTER_DEPTH_AUTO, (scatter_density_method)3, SCATTER_RAY_QUADRATURE, 0, 0}},
-    {"ray", {SCATTER_DEPTH_AUTO, SCATTER_DENSITY_AUTO, (scatter_ray_method)2, 0, 0}},
-    {"nodes", {SCATTER_DEPTH_AUTO, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, -1, 0}},
-    {"nodes", {SCATTER_DEPTH_AUTO, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 257, 0}},
-    {"nodes", {SCATTER_DEPTH_AUTO, SCATTER_DENSITY_AUTO, SCATTER_RAY_MARCH, 4097, 0}},
-    {"grid", {SCATTER_DEPTH_AUTO, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 0, -1}},
-    {"grid", {SCATTER_DEPTH_AUTO, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 0, 1}},
-    {"grid", {SCATTER_DEPTH_AUTO, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 0, 1025}},
+    {"depth", {.depth = (scatter_depth_method)-1}},
+    {"depth", {.depth = (scatter_depth_method)8}},
+    {"density", {.density = (scatter_density_method)3}},
+    {"ray", {.ray = (scatter_ray_method)2}},
+    {"nodes", {.nodes = -1}},
+    {"nodes", {.nodes = 257}},
+    {"nodes", {.ray = SCATTER_RAY_MARCH, .nodes = 4097}},
+    {"grid", {.grid = -1}},
+    {"grid", {.grid = 1}},
+    {"grid", {.grid = 1025}},
+    {"lights_per_update", {.lights_per_update = -1}},
 };
 
 static void test_bad_quality(void **state) {

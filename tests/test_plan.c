@@ -88,12 +88,12 @@ static int is_near(double estimate, double error) {
 
 static void test_estimate_is_near_the_error(void **state) {
     static const scatter_quality settings[] = {
-        {SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 4, 0},
-        {SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 6, 0},
-        {SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_AUTO, SCATTER_RAY_MARCH, 64, 0},
-        {SCATTER_DEPTH_POLAR, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 16, 16},
-        {SCATTER_DEPTH_CLOSED_VOLUME, SCATTER_DENSITY_AUTO, SCATTER_RAY_QUADRATURE, 16, 16},
-        {SCATTER_DEPTH_POLAR, SCATTER_DENSITY_VOLUME, SCATTER_RAY_QUADRATURE, 16, 32}};
+        {.depth = SCATTER_DEPTH_CLOSED, .nodes = 4},
+        {.depth = SCATTER_DEPTH_CLOSED, .nodes = 6},
+        {.depth = SCATTER_DEPTH_CLOSED, .ray = SCATTER_RAY_MARCH, .nodes = 64},
+        {.depth = SCATTER_DEPTH_POLAR, .nodes = 16, .grid = 16},
+        {.depth = SCATTER_DEPTH_CLOSED_VOLUME, .nodes = 16, .grid = 16},
+        {.depth = SCATTER_DEPTH_POLAR, .density = SCATTER_DENSITY_VOLUME, .nodes = 16, .grid = 32}};
     static float rgb[FLOATS];
     scatter_view view = front_view();
     check_world w;
