@@ -38,13 +38,8 @@ FUZZ_SECONDS = 300
 PREFIX = /usr/local
 VERSION = 0.1.0
 
-<<<<<<< HEAD
 PROGRAMS = scatter-render scatter-turntable scatter-minimal scatter-sheet scatter-generate scatter-dump_shaders
-SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan test_environment hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
-=======
-PROGRAMS = scatter-render scatter-minimal scatter-sheet scatter-generate scatter-dump_shaders
-SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_suns test_api test_plan hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
->>>>>>> 5aa65f6 (test_suns: many directional lights against closed form, each other and a fresh context)
+SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan test_environment test_suns hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
 FUZZERS = fuzz_scene fuzz_descriptors
 HEADERS = scatter.h scatter_gl.h
 

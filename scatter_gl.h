@@ -191,6 +191,7 @@ typedef struct scatter_gl_times {
 typedef struct scatter_gl_stats {
     unsigned injections;   /* of the medium into the density volume */
     unsigned propagations; /* of optical depth, one for each batch of four sources */
+    unsigned distance_maps; /* made of voxels */
     unsigned programs;     /* compiled */
     unsigned textures;     /* created */
     size_t texture_bytes;  /* held now, about */
@@ -228,7 +229,8 @@ SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *fog, const scatte
    GPU and never read back. It needs no medium. Without float targets (EXT_color_buffer_float) tone.log_average must be
    given. */
 SCATTER_API scatter_result scatter_gl_tone_map(scatter_gl *fog, const scatter_gl_tone *tone);
-/* Makes room for pictures of that size at reduced resolution, so that draw creates nothing. */
+/* Makes room for pictures of that size at reduced resolution and, after an update with voxels, for their masks, so that
+   draw creates nothing. */
 SCATTER_API scatter_result scatter_gl_resize(scatter_gl *fog, int width, int height);
 /* Updates, and compiles what draw will need for the present medium, lights and quality. */
 SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *fog, const scatter_quality *quality,
@@ -332,7 +334,10 @@ enum {
     SCATTERI_GL_R32F = 0x822E,
     SCATTERI_GL_RED = 0x1903,
     SCATTERI_GL_RG = 0x8227,
+    SCATTERI_GL_RG16F = 0x822F,
     SCATTERI_GL_RG32F = 0x8230,
+    SCATTERI_GL_RG32UI = 0x823C,
+    SCATTERI_GL_RG_INTEGER = 0x8228,
     SCATTERI_GL_RGBA = 0x1908,
     SCATTERI_GL_RGBA16F = 0x881A,
     SCATTERI_GL_RGBA32F = 0x8814,
@@ -351,6 +356,7 @@ enum {
     SCATTERI_GL_UNIFORM_BUFFER = 0x8A11,
     SCATTERI_GL_UNIFORM_BUFFER_SIZE = 0x8A2A,
     SCATTERI_GL_UNIFORM_BUFFER_START = 0x8A29,
+    SCATTERI_GL_UNSIGNED_INT = 0x1405,
     SCATTERI_GL_UNPACK_BUFFER = 0x88EC,
     SCATTERI_GL_UNPACK_BUFFER_BINDING = 0x88EF,
     SCATTERI_GL_VERSION = 0x1F02,
@@ -506,23 +512,23 @@ enum {
 
 /* Uniform blocks, one list for C and GLSL. Everything is a vec4, so that std140 adds nothing: V(name) is one, A(name,
    count) an array. In GLSL the names begin with scatteri_. Positions are relative to the fog's `ref`. */
-#define SCATTERI_GL_MEDIUM_BLOCK(V, A) \
-    V(extinction) /* rgb; w: the largest */ \
-    V(albedo)     /* rgb times extinction; w: the smallest extinction that is not 0 */ \
-    V(emission)   /* rgb; w: constant density */ \
-    V(lobe_pair)  /* g1, alpha1, g2, alpha2 */ \
-    V(lobe_turn)  /* weight of the second lobe, turn */ \
-    V(counts)     /* of Gaussians, of height fogs, not used */ \
-    V(bounds_min) /* of the medium; w: not used */ \
-    V(bounds_max) \
-    V(local_min)  /* box of the local terms, where depth volumes lie; w: cells along each axis */ \
-    V(local_max) \
-    V(field_min)  /* box of the field; w: scale of its values */ \
-    V(field_max) \
-    V(field_per)  /* 1/size of that box; w: not used */ \
-    V(nodes)      /* in a panel, features in a panel, steps of the march */ \
-    V(trim)       /* of the rays, in units of a^2 r^2 */ \
-    A(heights, 8) /* density, y0, scale */ \
+#define SCATTERI_GL_MEDIUM_BLOCK(V, A)                                                             \
+    V(extinction) /* rgb; w: the largest */                                                        \
+    V(albedo)     /* rgb times extinction; w: the smallest extinction that is not 0 */             \
+    V(emission)   /* rgb; w: constant density */                                                   \
+    V(lobe_pair)  /* g1, alpha1, g2, alpha2 */                                                     \
+    V(lobe_turn)  /* weight of the second lobe, turn */                                            \
+    V(counts)     /* of Gaussians, of height fogs, not used */                                     \
+    V(bounds_min) /* of the medium; w: not used */                                                 \
+    V(bounds_max)                                                                                  \
+    V(local_min) /* box of the local terms, where depth volumes lie; w: cells along each axis */   \
+    V(local_max)                                                                                   \
+    V(field_min)  /* box of the field; w: scale of its values */                                   \
+    V(field_max)  /* w: metres by which a distance in it may be too large */                       \
+    V(field_per)  /* 1/size of that box; w: metres of a distance of 1 in it */                     \
+    V(nodes)      /* in a panel, features in a panel, steps of the march */                        \
+    V(trim)       /* of the rays, in units of a^2 r^2 */                                           \
+    A(heights, 8) /* density, y0, scale */                                                         \
     A(few, 128)   /* Gaussians 2 i and 2 i + 1 of the table, if they are few and thin */
 
 /* Four lights; those that are not there have no intensity. */
@@ -690,6 +696,11 @@ struct scatter_gl {
     scatteri_gl_surface_block surface_block;
     const scatteri_gl_texture *density;       /* the field that is read: a grid's, or `field` */
     int injected_version;                     /* of the medium in `field` */
+    scatteri_gl_texture spaced;       /* density of the field, and distance to voxels with some */
+    scatteri_gl_texture distances[2]; /* on the way to it: along x in a few layers, along x and y */
+    const scatteri_gl_texture *spaced_of; /* the field that it was made of, */
+    int spaced_version;                   /* and the medium */
+    scatteri_gl_texture mask; /* of each pixel: where the field begins and ends on its ray */
     int rule_nodes;                           /* `rules` are made for */
 
     scatteri_gl_program *programs;
@@ -1141,12 +1152,20 @@ static const char scatteri_gl_gaussians[] =
 static const char scatteri_gl_density[] =
     "#ifdef SCATTERI_FIELD\n"
     "uniform highp sampler3D scatteri_field;\n"
-    "float scatteri_field_density(vec3 x) {\n"
+    /* Density at x, and metres around it within which there is none, as far as that is known. */
+    "vec2 scatteri_field_at(vec3 x) {\n"
     "    vec3 g = (x - scatteri_field_min.xyz) * scatteri_field_per.xyz;\n"
     "    bool inside = all(greaterThanEqual(x, scatteri_field_min.xyz)) &&\n"
     "                  all(lessThanEqual(x, scatteri_field_max.xyz));\n"
-    "    float density = textureLod(scatteri_field, g, 0.0).x;\n"
-    "    return inside ? scatteri_field_min.w * density : 0.0;\n"
+    "    vec2 value = textureLod(scatteri_field, g, 0.0).xy;\n"
+    "    float room = 0.0;\n"
+    "#ifdef SCATTERI_DISTANCE\n"
+    "    room = value.y * scatteri_field_per.w - scatteri_field_max.w;\n"
+    "#endif\n"
+    "    return inside ? vec2(scatteri_field_min.w * value.x, room) : vec2(0.0);\n"
+    "}\n"
+    "float scatteri_field_density(vec3 x) {\n"
+    "    return scatteri_field_at(x).x;\n"
     "}\n"
     "#endif\n"
     "#ifdef SCATTERI_FOG\n"
@@ -1204,6 +1223,35 @@ static const char scatteri_gl_density[] =
     "    return distance;\n"
     "#endif\n"
     "}\n";
+
+/* Rays through the field. */
+static const char scatteri_gl_rays[] =
+    "#ifdef SCATTERI_FIELD\n"
+    "#if !defined(SCATTERI_GAUSSIANS) && !defined(SCATTERI_FOG)\n"
+    "#define SCATTERI_VOXELS_ONLY\n"
+    "#endif\n"
+    /* Of the steps of h metres behind a place with that much room around it, those that cannot meet density. */
+    "int scatteri_steps_over(float room, float h) {\n"
+    "    return room > h ? int(min(ceil(room / h), 65536.0)) - 1 : 0;\n"
+    "}\n"
+    "#endif\n"
+    "#ifdef SCATTERI_RAYS\n"
+    /* Depth of the field between x and `segment` metres towards `to`: middle values of steps of half a voxel. */
+    "float scatteri_field_ray(vec3 x, vec3 to, float segment) {\n"
+    "    vec2 t = scatteri_clip_box(scatteri_field_min.xyz, scatteri_field_max.xyz, x, to,\n"
+    "                               vec2(0.0, segment));\n"
+    "    vec3 rate = abs(to) * scatteri_field_per.xyz * vec3(textureSize(scatteri_field, 0));\n"
+    "    float size = max(t.y - t.x, 0.0), sum = 0.0;\n"
+    "    int steps = int(min(2.0 * size * scatteri_most3(rate), 8191.0)) + 1;\n"
+    "    float h = size / float(steps);\n"
+    "    for (int i = 0; i < steps; i++) {\n"
+    "        vec2 field = scatteri_field_at(x + (t.x + (float(i) + 0.5) * h) * to);\n"
+    "        sum += field.x;\n"
+    "        i += scatteri_steps_over(field.y, h);\n"
+    "    }\n"
+    "    return h * sum;\n"
+    "}\n"
+    "#endif\n";
 
 /* Volumes of one batch, or of four for surfaces: slot 4 b + c is channel c of batch b. */
 static const char scatteri_gl_one_volume[] =
@@ -1693,7 +1741,83 @@ static const char scatteri_gl_merge[] =
     "    scatteri_write(values);\n"
     "}\n";
 
+/* --- distance to voxels that hold something ---
+   Trilinear density is 0 but in the boxes between the neighbours of voxels that hold something. The squared distance to
+   these boxes is a sum over the axes, so its least value is found along one axis after the other, exactly: each pass
+   looks along its axis until no farther place can be nearer. Flooding by jumps would be no use: its errors make
+   distances too large. */
+static const char scatteri_gl_nearest[] =
+    "uniform highp sampler3D scatteri_volume;\n"
+    /* The distance, squared, by what the passes before have found. */
+    "float scatteri_known(ivec3 p) {\n"
+    "#ifdef SCATTERI_FIELD\n"
+    "    return texelFetch(scatteri_field, p, 0).x > 0.0 ? 0.0 : SCATTERI_FAR;\n"
+    "#else\n"
+    "    return texelFetch(scatteri_volume, p, 0).x;\n"
+    "#endif\n"
+    "}\n"
+    /* Edges of a voxel in the unit of the distances, the longest of them. */
+    "vec3 scatteri_edges(vec3 size) {\n"
+    "    return 1.0 / (scatteri_field_per.xyz * scatteri_field_per.w * size);\n"
+    "}\n"
+    /* The least along an axis. A box reaches as far as the neighbours' centres: the first voxel costs nothing. */
+    "float scatteri_nearest(ivec3 p, ivec3 axis, int size, float edge) {\n"
+    "    int i = p.x * axis.x + p.y * axis.y + p.z * axis.z;\n"
+    "    float least = scatteri_known(p);\n"
+    "    for (int s = 1; s < size; s++) {\n"
+    "        float off = edge * float(s - 1);\n"
+    "        off *= off;\n"
+    "        if (off >= least)\n"
+    "            break;\n"
+    "        if (s <= i)\n"
+    "            least = min(least, off + scatteri_known(p - s * axis));\n"
+    "        if (i + s < size)\n"
+    "            least = min(least, off + scatteri_known(p + s * axis));\n"
+    "    }\n"
+    "    return least;\n"
+    "}\n";
+
+/* Along x in the field (scatteri_at.x: the first layer), or along y in what that gave. */
+static const char scatteri_gl_distance[] =
+    "void main() {\n"
+    "    vec4 values[SCATTERI_SLICES];\n"
+    "#ifdef SCATTERI_FIELD\n"
+    "    ivec3 size = textureSize(scatteri_field, 0), axis = ivec3(1, 0, 0);\n"
+    "#else\n"
+    "    ivec3 size = textureSize(scatteri_volume, 0), axis = ivec3(0, 1, 0);\n"
+    "#endif\n"
+    "    vec3 edges = scatteri_edges(vec3(size));\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        ivec3 p = ivec3(gl_FragCoord.xy, min(scatteri_at.x + s, size.z - 1));\n"
+    "        float least = axis.x > 0 ? scatteri_nearest(p, axis, size.x, edges.x)\n"
+    "                                 : scatteri_nearest(p, axis, size.y, edges.y);\n"
+    "        values[s] = vec4(least);\n"
+    "    }\n"
+    "    scatteri_write(values);\n"
+    "}\n";
+
+/* Along z; density, and what is stored of the distance d: read between voxels, sqrt(d^2 - |edges|^2/4) is nowhere
+   above the distance there. Rounded down where 16 bits hold it (scatteri_at.y). */
+static const char scatteri_gl_spaced[] =
+    "uniform highp sampler3D scatteri_field;\n"
+    "void main() {\n"
+    "    vec4 values[SCATTERI_SLICES];\n"
+    "    ivec3 size = textureSize(scatteri_field, 0);\n"
+    "    vec3 edges = scatteri_edges(vec3(size));\n"
+    "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
+    "        ivec3 p = ivec3(gl_FragCoord.xy, min(scatteri_at.x + s, size.z - 1));\n"
+    "        float least = scatteri_nearest(p, ivec3(0, 0, 1), size.z, edges.z);\n"
+    "        float room = min(sqrt(max(least - 0.25 * dot(edges, edges), 0.0)), 4096.0);\n"
+    "        room *= scatteri_at.y > 0 ? 1.0 - 1.0 / 1024.0 : 1.0;\n"
+    "        values[s] = vec4(texelFetch(scatteri_field, p, 0).x, room, 0.0, 0.0);\n"
+    "    }\n"
+    "    scatteri_write(values);\n"
+    "}\n";
+
 /* --- the eye ray --- */
+
+/* Passes into textures of ours: their pixels are counted from the corner of the picture. */
+static const char scatteri_gl_own_target[] = "#define SCATTERI_CORNER vec2(0.0)\n";
 
 /* The ray of a pixel and where the host's surface ends it. */
 static const char scatteri_gl_camera[] =
@@ -1701,12 +1825,18 @@ static const char scatteri_gl_camera[] =
     "/* A ray, or what is left of it: depth counts from t0. */\n"
     "vec3 scatteri_o, scatteri_d;\n"
     "float scatteri_t0, scatteri_t1;\n"
+    "#ifndef SCATTERI_CORNER\n"
+    "#define SCATTERI_CORNER scatteri_window.xy\n"
+    "#endif\n"
+    "/* Pixels of the picture, perhaps reduced, from its corner to the middle of this fragment. */\n"
+    "vec2 scatteri_fragment() {\n"
+    "    return scatteri_picture.y > 1.0 ? gl_FragCoord.xy : gl_FragCoord.xy - SCATTERI_CORNER;\n"
+    "}\n"
     "/* Pixels from the corner of the picture to the middle of the one that this fragment stands for. */\n"
     "vec2 scatteri_pixel() {\n"
     "    float divide = scatteri_picture.y;\n"
     "    vec2 first = floor(gl_FragCoord.xy) * divide + floor(0.5 * divide) + 0.5;\n"
-    "    return divide > 1.0 ? min(first, 2.0 / scatteri_window.zw - 0.5)\n"
-    "                        : gl_FragCoord.xy - scatteri_window.xy;\n"
+    "    return divide > 1.0 ? min(first, 2.0 / scatteri_window.zw - 0.5) : scatteri_fragment();\n"
     "}\n"
     "/* Where the host's surface ends the ray through clip coordinates c; far away for sky and NaN. */\n"
     "float scatteri_surface(vec2 pixel, vec2 c, float size) {\n"
@@ -1810,6 +1940,71 @@ static const char scatteri_gl_eye[] =
     "}\n"
     "#endif\n";
 
+/* What the mask tells about the eye ray. */
+static const char scatteri_gl_masked[] =
+    "#ifdef SCATTERI_MASK\n"
+    "uniform highp usampler2D scatteri_before;\n"
+    "vec2 scatteri_full; /* where the field begins and ends on the ray; below 0: nowhere */\n"
+    "void scatteri_read_mask() {\n"
+    "    scatteri_full = uintBitsToFloat(texelFetch(scatteri_before, ivec2(scatteri_fragment()), 0).xy);\n"
+    "#ifdef SCATTERI_VOXELS_ONLY\n"
+    "    scatteri_t1 = scatteri_full.x < 0.0 ? scatteri_t0 : scatteri_t1;\n"
+    "#endif\n"
+    "}\n"
+    "#endif\n"
+    "bool scatteri_is_full(float t) {\n"
+    "#ifdef SCATTERI_MASK\n"
+    "    return t >= scatteri_full.x && t <= scatteri_full.y;\n"
+    "#else\n"
+    "    return true;\n"
+    "#endif\n"
+    "}\n"
+    "/* Of so many steps of h metres those that may meet the field: the first, and the one behind the last. */\n"
+    "ivec2 scatteri_full_steps(float from, float h, int steps) {\n"
+    "#ifdef SCATTERI_MASK\n"
+    "    vec2 at = (scatteri_full - from) / max(h, 1.0e-30);\n"
+    "    vec2 ends = clamp(vec2(floor(at.x - 0.5), ceil(at.y + 0.5)), 0.0, float(steps));\n"
+    "    return ivec2(ends);\n"
+    "#else\n"
+    "    return ivec2(0, steps);\n"
+    "#endif\n"
+    "}\n";
+
+/* The mask: the first and the last place on the ray where the field is not 0, as bits, since every version can draw
+   integers. */
+static const char scatteri_gl_mask[] =
+    "out highp uvec2 scatteri_marks;\n"
+    "/* Metres from x along d without density, at most `far`: cell by cell between the voxels' centres. Where a cell's\n"
+    "   middle has none, it has none. */\n"
+    "float scatteri_empty(vec3 x, vec3 d, float far) {\n"
+    "    vec3 per = scatteri_field_per.xyz * vec3(textureSize(scatteri_field, 0));\n"
+    "    vec3 rate = scatteri_not_zero3(d * per), way = sign(rate);\n"
+    "    vec3 g = (x - scatteri_field_min.xyz) * per - 0.5;\n"
+    "    float t = 0.0;\n"
+    "    for (int guard = 0; guard < 16384 && t < far; guard++) {\n"
+    "        vec3 faces = way * floor(way * (g + t * rate)) + way;\n"
+    "        faces += way * vec3(lessThanEqual((faces - g) / rate, vec3(t)));\n"
+    "        float next = min(scatteri_least3((faces - g) / rate), far), middle = 0.5 * (t + next);\n"
+    "        vec2 field = scatteri_field_at(x + middle * d);\n"
+    "        if (field.x > 0.0)\n"
+    "            break;\n"
+    "        t = max(next, middle + field.y);\n"
+    "    }\n"
+    "    return t;\n"
+    "}\n"
+    "void main() {\n"
+    "    scatteri_begin_ray(scatteri_pixel());\n"
+    "    scatteri_find_ends();\n"
+    "    float size = scatteri_out - scatteri_in, grain = 1.0e-3 * scatteri_voxel + 1.0e-6 * scatteri_out;\n"
+    "    float before = scatteri_empty(scatteri_o + scatteri_in * scatteri_d, scatteri_d, size);\n"
+    "    vec2 marks = vec2(-1.0);\n"
+    "    if (before < size) {\n"
+    "        float behind = scatteri_empty(scatteri_o + scatteri_out * scatteri_d, -scatteri_d, size);\n"
+    "        marks = vec2(max(scatteri_in + before - grain, 0.0), scatteri_out - behind + grain);\n"
+    "    }\n"
+    "    scatteri_marks = floatBitsToUint(marks);\n"
+    "}\n";
+
 /* Where the medium begins and ends on the eye ray. */
 static const char scatteri_gl_ends[] =
     "#ifdef SCATTERI_FOG\n"
@@ -1850,8 +2045,12 @@ static const char scatteri_gl_ends[] =
     "    float voxels = (scatteri_out - scatteri_in) / scatteri_voxel, sum = 0.0;\n"
     "    int steps = int(min(voxels * scatteri_nodes.x / SCATTERI_VOXELS, 767.0)) + 1;\n"
     "    float h = (scatteri_out - scatteri_in) / float(steps);\n"
-    "    for (int i = 0; i < steps && scatteri_albedo.w * sum < SCATTERI_OPAQUE; i++)\n"
-    "        sum += h * scatteri_field_density(scatteri_o + (scatteri_in + (float(i) + 0.5) * h) * scatteri_d);\n"
+    "    ivec2 full = scatteri_full_steps(scatteri_in, h, steps);\n"
+    "    for (int i = full.x; i < full.y && scatteri_albedo.w * sum < SCATTERI_OPAQUE; i++) {\n"
+    "        vec2 field = scatteri_field_at(scatteri_o + (scatteri_in + (float(i) + 0.5) * h) * scatteri_d);\n"
+    "        sum += h * field.x;\n"
+    "        i += scatteri_steps_over(field.y, h);\n"
+    "    }\n"
     "    return scatteri_in < scatteri_out ? sum : 0.0;\n"
     "}\n"
     "#endif\n"
@@ -1993,6 +2192,9 @@ static const char scatteri_gl_depth_to[] =
     "#elif defined(SCATTERI_CLOSED)\n"
     "    sum = scatteri_closed_depth(x, to, segment);\n"
     "#endif\n"
+    "#ifdef SCATTERI_RAYS\n"
+    "    sum += scatteri_field_ray(x, to, segment);\n"
+    "#endif\n"
     "#ifdef SCATTERI_FOG\n"
     "    sum += scatteri_fog_depth(x, to, segment);\n"
     "#endif\n"
@@ -2116,6 +2318,14 @@ static const char scatteri_gl_panels[] =
     "/* A node at u, weight in u; cells: density is constant around it. Returns whether light comes from behind it. */\n"
     "bool scatteri_visit(float u, float weight, bool cells, bool lit) {\n"
     "    vec2 at = scatteri_stretch(u);\n"
+    "    bool full = cells;\n"
+    "#ifdef SCATTERI_MASK\n"
+    "    full = cells && scatteri_is_full(at.x);\n"
+    "#ifdef SCATTERI_VOXELS_ONLY\n"
+    "    if (!full)\n"
+    "        return at.x < scatteri_full.y;\n"
+    "#endif\n"
+    "#endif\n"
     "    float w = weight * at.y, density = 0.0, depth = -scatteri_start;\n"
     "    vec3 x = scatteri_o + at.x * scatteri_d;\n"
     "#ifdef SCATTERI_GAUSSIANS\n"
@@ -2129,7 +2339,7 @@ static const char scatteri_gl_panels[] =
     "    depth = scatteri_volume_depth(0, x, back / max(r, 1.0e-30), r, r);\n"
     "#endif\n"
     "#ifdef SCATTERI_FIELD\n"
-    "    float voxels = cells ? scatteri_field_density(x) : 0.0;\n"
+    "    float voxels = full ? scatteri_field_density(x) : 0.0;\n"
     "    density += voxels;\n"
     "#ifndef SCATTERI_EYE\n"
     "    depth += scatteri_run + 0.5 * w * voxels;\n"
@@ -2477,14 +2687,24 @@ static const char scatteri_gl_march[] =
     "float scatteri_march() {\n"
     "    int steps = int(scatteri_nodes.z);\n"
     "    float h = (scatteri_t1 - scatteri_t0) / float(steps), run = 0.0;\n"
-    "    for (int k = 0; k < steps; k++) {\n"
+    "    ivec2 full = scatteri_full_steps(scatteri_t0, h, steps);\n"
+    "    int begin = 0, next = full.x; /* the next step that may meet the field */\n"
+    "#ifdef SCATTERI_VOXELS_ONLY\n"
+    "    begin = full.x;\n"
+    "    steps = full.y;\n"
+    "#endif\n"
+    "    for (int k = begin; k < steps; k++) {\n"
     "        float t = scatteri_t0 + (float(k) + 0.5) * h, density = 0.0;\n"
     "        vec3 x = scatteri_o + t * scatteri_d;\n"
     "#ifdef SCATTERI_GAUSSIANS\n"
     "        density += scatteri_gaussians_at(t).x;\n"
     "#endif\n"
     "#ifdef SCATTERI_FIELD\n"
-    "        density += scatteri_field_density(x);\n"
+    "        if (k >= next && k < full.y) {\n"
+    "            vec2 field = scatteri_field_at(x);\n"
+    "            density += field.x;\n"
+    "            next = k + 1 + scatteri_steps_over(field.y, h);\n"
+    "        }\n"
     "#endif\n"
     "#ifdef SCATTERI_FOG\n"
     "        density += scatteri_fog_density(x);\n"
@@ -2492,6 +2712,9 @@ static const char scatteri_gl_march[] =
     "        if (density > 0.0)\n"
     "            scatteri_all_lights(t, h, 0.0, density, run + 0.5 * h * density);\n"
     "        run += h * density;\n"
+    "#ifdef SCATTERI_VOXELS_ONLY\n"
+    "        k = next - 1;\n"
+    "#endif\n"
     "    }\n"
     "    return run;\n"
     "}\n";
@@ -2703,6 +2926,9 @@ static const char scatteri_gl_view[] =
     "}\n"
     "void main() {\n"
     "    scatteri_begin_ray(scatteri_pixel());\n"
+    "#ifdef SCATTERI_MASK\n"
+    "    scatteri_read_mask();\n"
+    "#endif\n"
     "    scatteri_find_ends();\n"
     "    float depth = scatteri_look(scatteri_nodes.y);\n"
     "    vec3 through = scatteri_through(depth);\n"
@@ -2818,6 +3044,7 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
                                                            {"table", scatteri_gl_table},
                                                            {"gaussians", scatteri_gl_gaussians},
                                                            {"density", scatteri_gl_density},
+                                                           {"rays", scatteri_gl_rays},
                                                            {"one_volume", scatteri_gl_one_volume},
                                                            {"four_volumes", scatteri_gl_four_volumes},
                                                            {"volume", scatteri_gl_volume},
@@ -2835,8 +3062,14 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
                                                            {"wave_quad", scatteri_gl_wave_quad},
                                                            {"wave", scatteri_gl_wave},
                                                            {"merge", scatteri_gl_merge},
+                                                           {"nearest", scatteri_gl_nearest},
+                                                           {"distance", scatteri_gl_distance},
+                                                           {"spaced", scatteri_gl_spaced},
+                                                           {"own_target", scatteri_gl_own_target},
                                                            {"camera", scatteri_gl_camera},
                                                            {"eye", scatteri_gl_eye},
+                                                           {"masked", scatteri_gl_masked},
+                                                           {"mask", scatteri_gl_mask},
                                                            {"ends", scatteri_gl_ends},
                                                            {"shadow_maps", scatteri_gl_shadow_maps},
                                                            {"visible", scatteri_gl_visible},
@@ -2866,30 +3099,33 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
 /* --------------------------------------------------------------------------------------- >>program */
 
 /* What a scene has and needs; each is a macro SCATTERI_name in its shaders. */
-#define SCATTERI_GL_FEATURES(F) \
-    F(GAUSSIANS)   /* in closed form */ \
-    F(FIELD)       /* density from a 3D texture */ \
-    F(FOG)         /* constant and height fog */ \
-    F(BOUNDED) \
-    F(COLORED)     /* extinction differs between the channels */ \
-    F(EMISSION) \
-    F(ONE_LOBE)    /* phase function; neither: isotropic */ \
-    F(TWO_LOBES) \
-    F(FEW_THIN)    /* Gaussians that a block holds, none of them opaque */ \
-    F(SPOT)        /* kinds of lights in the batch */ \
-    F(DIRECTIONAL) \
-    F(CLOSED)      /* depth of Gaussians to the lights in closed form */ \
-    F(CELLS)       /* from cells of the local box */ \
-    F(POLAR)       /* from columns around the lights */ \
-    F(EYE)         /* depth to the eye from cells, too */ \
-    F(MARCH)       /* uniform steps */ \
-    F(SHADOW_2D_0) /* a light has a shadow map */ F(SHADOW_ARRAY_0) F(SHADOW_CUBE_0) \
-    F(SHADOW_2D_1) F(SHADOW_ARRAY_1) F(SHADOW_CUBE_1) \
-    F(SHADOW_2D_2) F(SHADOW_ARRAY_2) F(SHADOW_CUBE_2) \
-    F(SHADOW_2D_3) F(SHADOW_ARRAY_3) F(SHADOW_CUBE_3) \
-    F(TRANSMITTANCE) /* the pass gives T alone */ \
-    F(MORE)          /* a further batch: only L of its lights */ \
-    F(SHOW)          /* one of scatter_gl_show instead of the picture */
+#define SCATTERI_GL_FEATURES(F)                                                                    \
+    F(GAUSSIANS) /* in closed form */                                                              \
+    F(FIELD)     /* density from a 3D texture */                                                   \
+    F(FOG)       /* constant and height fog */                                                     \
+    F(BOUNDED)                                                                                     \
+    F(COLORED) /* extinction differs between the channels */                                       \
+    F(EMISSION)                                                                                    \
+    F(ONE_LOBE) /* phase function; neither: isotropic */                                           \
+    F(TWO_LOBES)                                                                                   \
+    F(FEW_THIN) /* Gaussians that a block holds, none of them opaque */                            \
+    F(SPOT)     /* kinds of lights in the batch */                                                 \
+    F(DIRECTIONAL)                                                                                 \
+    F(CLOSED) /* depth of Gaussians to the lights in closed form */                                \
+    F(CELLS)  /* from cells of the local box */                                                    \
+    F(POLAR)  /* from columns around the lights */                                                 \
+    F(EYE)    /* depth to the eye from cells, too */                                               \
+    F(MARCH)  /* uniform steps */                                                                  \
+    F(SHADOW_2D_0)                                                                                 \
+    /* a light has a shadow map */ F(SHADOW_ARRAY_0) F(SHADOW_CUBE_0) F(SHADOW_2D_1)               \
+        F(SHADOW_ARRAY_1) F(SHADOW_CUBE_1) F(SHADOW_2D_2) F(SHADOW_ARRAY_2) F(SHADOW_CUBE_2)       \
+            F(SHADOW_2D_3) F(SHADOW_ARRAY_3) F(SHADOW_CUBE_3)                                      \
+                F(TRANSMITTANCE) /* the pass gives T alone */                                      \
+        F(MORE)                  /* a further batch: only L of its lights */                       \
+        F(SHOW)                  /* one of scatter_gl_show instead of the picture */               \
+        F(DISTANCE)              /* the field's texture holds the distance to density, too */      \
+        F(RAYS)                  /* depth of the field to the lights by rays through it */         \
+        F(MASK)                  /* a pass before tells where the field begins and ends */
 
 #define SCATTERI_GL_FEATURE_INDEX(name) SCATTERI_GL_INDEX_##name,
 #define SCATTERI_GL_FEATURE_NAME(name) #name,
@@ -2910,28 +3146,33 @@ enum {
     SCATTERI_GL_PASS_VIEW,
     SCATTERI_GL_PASS_FROXELS,
     SCATTERI_GL_PASS_UPSAMPLE,
-    SCATTERI_GL_PASS_INJECT, /* density of grids and Gaussians in cells */
-    SCATTERI_GL_PASS_SPLAT,  /* Gaussians as quads */
-    SCATTERI_GL_PASS_CLOSED, /* depth in closed form in cells */
-    SCATTERI_GL_PASS_POLAR,  /* depth in columns around the sources */
-    SCATTERI_GL_PASS_WAVE,   /* depth by upwind differences: one wave */
-    SCATTERI_GL_PASS_MERGE,  /* all waves into a volume */
-    SCATTERI_GL_PASS_LOGS,   /* of luminance, summed over blocks of a picture */
-    SCATTERI_GL_PASS_SUMS,   /* of these, over blocks */
-    SCATTERI_GL_PASS_TONE,   /* the picture, by the last of them */
+    SCATTERI_GL_PASS_INJECT,   /* density of grids and Gaussians in cells */
+    SCATTERI_GL_PASS_SPLAT,    /* Gaussians as quads */
+    SCATTERI_GL_PASS_CLOSED,   /* depth in closed form in cells */
+    SCATTERI_GL_PASS_POLAR,    /* depth in columns around the sources */
+    SCATTERI_GL_PASS_WAVE,     /* depth by upwind differences: one wave */
+    SCATTERI_GL_PASS_MERGE,    /* all waves into a volume */
+    SCATTERI_GL_PASS_DISTANCE, /* to density, squared: along x, then along y */
+    SCATTERI_GL_PASS_SPACED,   /* along z; density and distance */
+    SCATTERI_GL_PASS_MASK,     /* where the field begins and ends on the rays */
+    SCATTERI_GL_PASS_LOGS,     /* of luminance, summed over blocks of a picture */
+    SCATTERI_GL_PASS_SUMS,     /* of these, over blocks */
+    SCATTERI_GL_PASS_TONE,     /* the picture, by the last of them */
     SCATTERI_GL_PASSES
 };
 
 #define SCATTERI_GL_MATHS "prelude vector erf span quick integrals phase maps tone "
-#define SCATTERI_GL_RAYS \
-    SCATTERI_GL_MATHS "blocks table gaussians density one_volume volume camera eye ends shadow_maps " \
+#define SCATTERI_GL_RAYS                                                                           \
+    SCATTERI_GL_MATHS "blocks table gaussians density rays one_volume volume camera eye masked "   \
+                      "ends shadow_maps "                                                          \
                       "visible depth_to scattering nodes every_light "
 
 static const scatteri_gl_pass scatteri_gl_passes[] = {
     {"view", "prelude whole", SCATTERI_GL_RAYS "panels pieces cuts smooth ray march view",
      ~(scatteri_gl_features)0},
     {"froxels", "prelude whole", SCATTERI_GL_RAYS "froxels froxels_main",
-     ~(SCATTERI_GL_HAS(SHOW) | SCATTERI_GL_HAS(TRANSMITTANCE) | SCATTERI_GL_HAS(MARCH))},
+     ~(SCATTERI_GL_HAS(SHOW) | SCATTERI_GL_HAS(TRANSMITTANCE) | SCATTERI_GL_HAS(MARCH) |
+       SCATTERI_GL_HAS(MASK))},
     {"upsample", "prelude whole", "prelude vector blocks density camera upsample", 0},
     {"inject", "prelude whole", "prelude blocks table density cells slices inject",
      SCATTERI_GL_HAS(GAUSSIANS) | SCATTERI_GL_HAS(FIELD)},
@@ -2947,6 +3188,13 @@ static const scatteri_gl_pass scatteri_gl_passes[] = {
     {"logs", "prelude whole", "prelude tone photographic before picture blocks_of_8", 0},
     {"sums", "prelude whole", "prelude before logs blocks_of_8", 0},
     {"tone", "prelude whole", "prelude tone photographic before tone_picture", 0},
+    {"distance", "prelude whole", "prelude blocks density nearest slices distance",
+     SCATTERI_GL_HAS(FIELD)},
+    {"spaced", "prelude whole", "prelude blocks nearest slices spaced", 0},
+    {"mask", "prelude whole",
+     "prelude vector erf span integrals blocks density rays own_target camera eye masked ends mask",
+     SCATTERI_GL_HAS(FIELD) | SCATTERI_GL_HAS(FOG) | SCATTERI_GL_HAS(BOUNDED) |
+         SCATTERI_GL_HAS(DISTANCE)},
 };
 
 static const struct {
@@ -3515,8 +3763,10 @@ static int scatteri_gl_texel(int format)
 {
     switch (format) {
     case SCATTERI_GL_R16F: return 2;
-    case SCATTERI_GL_R32F: return 4;
+    case SCATTERI_GL_R32F:
+    case SCATTERI_GL_RG16F: return 4;
     case SCATTERI_GL_RG32F:
+    case SCATTERI_GL_RG32UI:
     case SCATTERI_GL_RGBA16F: return 8;
     default: return 16;
     }
@@ -3524,9 +3774,19 @@ static int scatteri_gl_texel(int format)
 
 static unsigned scatteri_gl_channels(int format)
 {
-    return format == SCATTERI_GL_R16F || format == SCATTERI_GL_R32F ? SCATTERI_GL_RED
-           : format == SCATTERI_GL_RG32F                            ? SCATTERI_GL_RG
-                                                                    : SCATTERI_GL_RGBA;
+    switch (format) {
+    case SCATTERI_GL_R16F:
+    case SCATTERI_GL_R32F: return SCATTERI_GL_RED;
+    case SCATTERI_GL_RG16F:
+    case SCATTERI_GL_RG32F: return SCATTERI_GL_RG;
+    case SCATTERI_GL_RG32UI: return SCATTERI_GL_RG_INTEGER;
+    default: return SCATTERI_GL_RGBA;
+    }
+}
+
+static unsigned scatteri_gl_values(int format)
+{
+    return format == SCATTERI_GL_RG32UI ? SCATTERI_GL_UNSIGNED_INT : SCATTERI_GL_FLOAT;
 }
 
 static size_t scatteri_gl_texture_bytes(const scatteri_gl_texture *t)
@@ -3579,10 +3839,10 @@ static scatter_result scatteri_gl_size_texture(scatter_gl *f, scatteri_gl_textur
     gl->TexParameteri(t->target, SCATTERI_GL_MAG_FILTER, SCATTERI_GL_NEAREST);
     if (depth > 0)
         gl->TexImage3D(t->target, 0, format, width, height, depth, 0, scatteri_gl_channels(format),
-                       SCATTERI_GL_FLOAT, NULL);
+                       scatteri_gl_values(format), NULL);
     else
         gl->TexImage2D(t->target, 0, format, width, height, 0, scatteri_gl_channels(format),
-                       SCATTERI_GL_FLOAT, NULL);
+                       scatteri_gl_values(format), NULL);
     f->stats.textures++;
     f->stats.texture_bytes += scatteri_gl_texture_bytes(t);
     return SCATTER_OK;
@@ -3793,6 +4053,18 @@ static int scatteri_gl_few_and_thin(const scatter_gl *f)
     return thin;
 }
 
+/* Distances are stored in voxels: the longest edge is 1. What texture units with weights of 8 bits may read too far
+   away is 1/256 of a voxel's diagonal at most. */
+static void scatteri_gl_put_spacing(scatter_gl *f)
+{
+    scatteri_gl_medium_block *b = &f->medium_block;
+    const float x = 1.0f / (b->field_per[0] * (float)f->density->width);
+    const float y = 1.0f / (b->field_per[1] * (float)f->density->height);
+    const float z = 1.0f / (b->field_per[2] * (float)f->density->depth);
+    b->field_per[3] = scatteri_max(x, scatteri_max(y, z));
+    b->field_max[3] = scatteri_sqrt(x * x + y * y + z * z) / 256.0f;
+}
+
 static void scatteri_gl_send_medium(scatter_gl *f)
 {
     const scatteri_medium *m = &f->medium;
@@ -3825,6 +4097,8 @@ static void scatteri_gl_send_medium(scatter_gl *f)
     scatteri_gl_put(b->field_per, 1.0f / (b->field_max[0] - b->field_min[0]),
                     1.0f / (b->field_max[1] - b->field_min[1]),
                     1.0f / (b->field_max[2] - b->field_min[2]), 0.0f);
+    if (f->density != NULL)
+        scatteri_gl_put_spacing(f);
     scatteri_gl_put(b->trim, f->trim.rays, 0.0f, 0.0f, 0.0f);
     scatteri_gl_put(b->nodes, (float)f->quality.nodes, SCATTERI_PANEL, (float)f->quality.nodes,
                     0.0f);
@@ -3999,6 +4273,77 @@ static scatter_result scatteri_gl_inject(scatter_gl *f)
     return scatteri_gl_inject_by(f, scatteri_gl_quads_pay(f));
 }
 
+/* --- distance to density --- */
+
+/* Of some layers of the field: along x, then along y. */
+static scatter_result scatteri_gl_measure_layers(scatter_gl *f, int first, int count)
+{
+    const int slices = scatteri_gl_slices_of(f);
+    const scatteri_gl_program *program;
+    scatter_result result =
+        scatteri_gl_use(f, SCATTERI_GL_PASS_DISTANCE, SCATTERI_GL_HAS(FIELD), slices, &program);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_target_slices(f, &f->distances[0], 0, count);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_fill(f, program, first, 0, 0, 0);
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_VOLUME, &f->distances[0]);
+    result = scatteri_gl_use(f, SCATTERI_GL_PASS_DISTANCE, 0, slices, &program);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_target_slices(f, &f->distances[1], first, count);
+    if (result == SCATTER_OK)
+        scatteri_gl_fill(f, program, 0, 0, 0, 0);
+    return result;
+}
+
+/* Along z, beside the density. */
+static scatter_result scatteri_gl_measure_columns(scatter_gl *f)
+{
+    const int slices = scatteri_gl_slices_of(f), half = f->spaced.format == SCATTERI_GL_RG16F;
+    const scatteri_gl_program *program;
+    scatter_result result = scatteri_gl_use(f, SCATTERI_GL_PASS_SPACED, 0, slices, &program);
+    int first;
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_VOLUME, &f->distances[1]);
+    for (first = 0; first < f->spaced.depth && result == SCATTER_OK; first += slices) {
+        const int left = f->spaced.depth - first;
+        result = scatteri_gl_target_slices(f, &f->spaced, first, left < slices ? left : slices);
+        if (result == SCATTER_OK)
+            scatteri_gl_fill(f, program, first, half, 0, 0);
+    }
+    return result;
+}
+
+static scatter_result scatteri_gl_size_spaced(scatter_gl *f)
+{
+    const scatteri_gl_texture *d = f->density;
+    const int half = d->format == SCATTERI_GL_R16F;
+    scatter_result result = scatteri_gl_size_texture(f, &f->distances[0], SCATTERI_GL_R32F,
+                                                     d->width, d->height, scatteri_gl_slices_of(f));
+    if (result == SCATTER_OK)
+        result = scatteri_gl_size_texture(f, &f->distances[1], SCATTERI_GL_R32F, d->width,
+                                          d->height, d->depth);
+    if (result == SCATTER_OK)
+        result =
+            scatteri_gl_size_texture(f, &f->spaced, half ? SCATTERI_GL_RG16F : SCATTERI_GL_RG32F,
+                                     d->width, d->height, d->depth);
+    return result;
+}
+
+/* Fills f->spaced from the field that is read. */
+static scatter_result scatteri_gl_measure_distance(scatter_gl *f)
+{
+    const int slices = scatteri_gl_slices_of(f), layers = f->density->depth;
+    scatter_result result = scatteri_gl_size_spaced(f);
+    int first;
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_FIELD, f->density);
+    for (first = 0; first < layers && result == SCATTER_OK; first += slices) {
+        const int left = layers - first;
+        result = scatteri_gl_measure_layers(f, first, left < slices ? left : slices);
+    }
+    f->stats.distance_maps++;
+    return result == SCATTER_OK ? scatteri_gl_measure_columns(f) : result;
+}
+
 /* --- depth: columns --- */
 
 /* Shells of the columns around each source, each cell once. Gaussians in closed form; what a field adds from shell to
@@ -4159,6 +4504,32 @@ static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch)
 
 /* ----------------------------------------------------------------------------------------- >>update */
 
+/* Whether rays to the lights go through the field. */
+static int scatteri_gl_casts_rays(const scatter_gl *f)
+{
+    return f->density != NULL && f->density != &f->field &&
+           f->quality.depth == SCATTER_DEPTH_CLOSED;
+}
+
+/* Whether rays jump over empty voxels. */
+static int scatteri_gl_jumps(const scatter_gl *f)
+{
+    return f->density != NULL && !f->quality.no_distance_map && f->can_draw_float &&
+           (f->quality.ray == SCATTER_RAY_MARCH || scatteri_gl_casts_rays(f));
+}
+
+static scatteri_gl_features scatteri_gl_skip_features(const scatter_gl *f)
+{
+    scatteri_gl_features features = 0;
+    if (scatteri_gl_casts_rays(f))
+        features |= SCATTERI_GL_HAS(RAYS);
+    if (scatteri_gl_jumps(f))
+        features |= SCATTERI_GL_HAS(DISTANCE);
+    if (f->density != NULL && !f->quality.no_mask)
+        features |= SCATTERI_GL_HAS(MASK);
+    return features;
+}
+
 static scatteri_gl_features scatteri_gl_medium_features(const scatter_gl *f)
 {
     const scatteri_medium *m = &f->medium;
@@ -4192,7 +4563,7 @@ static scatteri_gl_features scatteri_gl_medium_features(const scatter_gl *f)
         features |= SCATTERI_GL_HAS(CELLS);
     if (f->has_eye && (features & SCATTERI_GL_HAS(CELLS)) != 0)
         features |= SCATTERI_GL_HAS(EYE);
-    return features;
+    return features | scatteri_gl_skip_features(f);
 }
 
 static int scatteri_gl_lights_per_batch(const scatter_gl *f)
@@ -4328,6 +4699,20 @@ static scatter_result scatteri_gl_update_field(scatter_gl *f)
     return result;
 }
 
+/* Makes the distance map of that field if there is another one. */
+static scatter_result scatteri_gl_update_distance(scatter_gl *f)
+{
+    const scatteri_gl_texture *d = f->density, *s = &f->spaced;
+    scatter_result result;
+    if (!scatteri_gl_jumps(f) ||
+        (f->spaced_of == d && f->spaced_version == f->medium_version && s->width == d->width))
+        return SCATTER_OK;
+    result = scatteri_gl_measure_distance(f);
+    f->spaced_of = result == SCATTER_OK ? d : NULL;
+    f->spaced_version = f->medium_version;
+    return result;
+}
+
 /* Where the cells or columns of a source lie. */
 static void scatteri_gl_lay_out(scatter_gl *f, scatteri_gl_lamp *lamp)
 {
@@ -4380,6 +4765,16 @@ static scatter_result scatteri_gl_update_batch(scatter_gl *f, int batch)
    for. */
 enum { SCATTERI_GL_CLOSED = 16, SCATTERI_GL_EXACT = 256 };
 
+/* Directional lights. */
+static size_t scatteri_gl_suns(const scatter_gl *f)
+{
+    size_t suns = 0;
+    int i;
+    for (i = 0; i < f->lamp_count; i++)
+        suns += f->lamps[i].desc.light.kind == SCATTER_LIGHT_DIRECTIONAL ? 1u : 0u;
+    return suns;
+}
+
 static scatter_quality scatteri_gl_resolve(const scatter_gl *f, const scatter_quality *quality)
 {
     const scatter_medium *m = &f->medium.desc;
@@ -4396,7 +4791,8 @@ static scatter_quality scatteri_gl_resolve(const scatter_gl *f, const scatter_qu
     if (q.density == SCATTER_DENSITY_AUTO)
         q.density = exact ? SCATTER_DENSITY_EXACT : SCATTER_DENSITY_VOLUME;
     q.nodes = q.nodes != 0 ? q.nodes : 16;
-    q.grid = scatteri_choose_grid(q.grid, m);
+    q.grid = scatteri_choose_grid(q.grid, m,
+                                  q.depth == SCATTER_DEPTH_POLAR ? scatteri_gl_suns(f) : 0);
     return q;
 }
 
@@ -4409,9 +4805,11 @@ static scatter_result scatteri_gl_check_quality(scatter_gl *f, const scatter_qua
                              "quality.depth is %d, on the GPU it must be auto, closed, closed "
                              "volume, upwind or polar",
                              (int)q->depth);
-    if (q->depth <= SCATTER_DEPTH_CLOSED_VOLUME && m->grid_count > 0)
+    if (m->grid_count > 0 && q->depth <= SCATTER_DEPTH_CLOSED_VOLUME &&
+        (q->depth != SCATTER_DEPTH_CLOSED || q->density != SCATTER_DENSITY_EXACT))
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
-                             "quality.depth is %d, on the GPU grids need polar or upwind",
+                             "quality.depth is %d, on the GPU grids need polar or upwind, or "
+                             "closed with quality.density exact",
                              (int)q->depth);
     if (q->density == SCATTER_DENSITY_EXACT && m->grid_count > 1)
         return scatteri_fail(
@@ -4475,6 +4873,8 @@ static scatter_result scatteri_gl_update_all(scatter_gl *f)
     scatteri_gl_update_trim(f);
     result = scatteri_gl_update_field(f);
     scatteri_gl_send_medium(f);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_update_distance(f);
     scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_DEPTH);
     for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++)
         result = scatteri_gl_update_batch(f, batch);
@@ -4685,11 +5085,17 @@ static void scatteri_gl_send_view(scatter_gl *f, const scatter_gl_view *v, int d
     scatteri_gl_send(f, f->view_buffer, b, sizeof *b);
 }
 
+/* The field as rays read it. */
+static const scatteri_gl_texture *scatteri_gl_read_field(const scatter_gl *f)
+{
+    return scatteri_gl_jumps(f) ? &f->spaced : f->density;
+}
+
 static void scatteri_gl_bind_medium(const scatter_gl *f)
 {
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_GAUSSIANS, &f->gaussians);
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_RULES, &f->rules);
-    scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_FIELD, f->density);
+    scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_FIELD, scatteri_gl_read_field(f));
 }
 
 /* Lights of a batch, their depth and their shadow maps. */
@@ -4767,13 +5173,50 @@ static void scatteri_gl_target_host(scatter_gl *f, const scatter_gl_view *v)
     scatteri_gl_set_viewport(f, v->x, v->y, v->width, v->height);
 }
 
+/* Room for the mask. It only grows, so that several views can share it. */
+static scatter_result scatteri_gl_reserve_mask(scatter_gl *f, int width, int height)
+{
+    scatteri_gl_texture *t = &f->mask;
+    if (t->width >= width && t->height >= height)
+        return SCATTER_OK;
+    return scatteri_gl_size_texture(f, t, SCATTERI_GL_RG32UI, width > t->width ? width : t->width,
+                                    height > t->height ? height : t->height, 0);
+}
+
+/* Draws the mask of a picture of that size, once for all its lights; the passes behind read it. */
+static scatter_result scatteri_gl_draw_mask(scatter_gl *f, scatteri_gl_features features, int width,
+                                            int height)
+{
+    const scatteri_gl_program *program;
+    scatteri_gl_layer layer;
+    scatter_result result;
+    layer.texture = &f->mask;
+    layer.layer = 0;
+    if ((features & SCATTERI_GL_HAS(MASK)) == 0)
+        return SCATTER_OK;
+    result = scatteri_gl_reserve_mask(f, width, height);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_target(f, &layer, 1);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_use(f, SCATTERI_GL_PASS_MASK, features, 1, &program);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_set_viewport(f, 0, 0, width, height);
+    scatteri_gl_fill(f, program, 0, 0, 0, 0);
+    scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->mask);
+    return SCATTER_OK;
+}
+
 /* Every pixel: straight into the host's picture. */
 static scatter_result scatteri_gl_draw_whole(scatter_gl *f, const scatter_gl_view *v,
                                              scatteri_gl_features features)
 {
     const int colored = (features & SCATTERI_GL_HAS(COLORED)) != 0;
-    scatter_result result = SCATTER_OK;
+    scatter_result result;
     scatteri_gl_send_view(f, v, 1);
+    result = scatteri_gl_draw_mask(f, features, v->width, v->height);
+    if (result != SCATTER_OK)
+        return result;
     scatteri_gl_target_host(f, v);
     if (v->show != SCATTER_GL_SHOW_FOG)
         return scatteri_gl_draw_radiance(f, features | SCATTERI_GL_HAS(SHOW), 0, SCATTERI_GL_ZERO);
@@ -4862,6 +5305,8 @@ static scatter_result scatteri_gl_draw_reduced(scatter_gl *f, const scatter_gl_v
     const int colored = (features & SCATTERI_GL_HAS(COLORED)) != 0;
     scatter_result result = scatteri_gl_reserve_reduced(f, width, height, colored);
     scatteri_gl_send_view(f, v, v->divide);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_draw_mask(f, features, width, height);
     if (result == SCATTER_OK && colored) {
         result = scatteri_gl_target_reduced(f, 1, width, height);
         if (result == SCATTER_OK)
@@ -4935,17 +5380,21 @@ SCATTER_API scatter_result scatter_gl_draw(scatter_gl *f, const scatter_gl_view 
 SCATTER_API scatter_result scatter_gl_resize(scatter_gl *f, int width, int height)
 {
     scatteri_gl_state state;
-    scatter_result result;
+    scatter_result result = SCATTER_OK;
     if (f == NULL)
         return SCATTER_BAD_ARGUMENT;
     if (width < 0 || height < 0)
         return scatteri_fail(&f->host, SCATTER_BAD_ARGUMENT,
                              "width, height are %d, %d, they must be at least 0", width, height);
-    if (!f->can_draw_half || width == 0 || height == 0)
+    if (width == 0 || height == 0)
         return SCATTER_OK;
     scatteri_gl_save(f, &state);
-    result = scatteri_gl_reserve_reduced(f, scatteri_gl_reduced_size(width, 2),
-                                         scatteri_gl_reduced_size(height, 2), 1);
+    if (f->can_draw_half)
+        result = scatteri_gl_reserve_reduced(f, scatteri_gl_reduced_size(width, 2),
+                                             scatteri_gl_reduced_size(height, 2), 1);
+    if (result == SCATTER_OK && f->ready &&
+        (scatteri_gl_medium_features(f) & SCATTERI_GL_HAS(MASK)) != 0)
+        result = scatteri_gl_reserve_mask(f, width, height);
     scatteri_gl_restore(f, &state);
     return result;
 }
@@ -5218,8 +5667,20 @@ static int scatteri_gl_most_batches(const scatter_gl *f)
 
 enum { SCATTERI_GL_SLOTS = 16 }; /* lights of surfaces: four batches */
 
-static const char scatteri_gl_surface_chapters[] =
-    SCATTERI_GL_MATHS "surface_blocks table gaussians density four_volumes volume depth_to surface";
+static const char scatteri_gl_surface_chapters[] = SCATTERI_GL_MATHS
+    "surface_blocks table gaussians density rays four_volumes volume depth_to surface";
+
+/* What the depth between a surface and a light depends on. */
+static scatteri_gl_features scatteri_gl_surface_features(const scatter_gl *f)
+{
+    const scatteri_gl_features features = scatteri_gl_medium_features(f);
+    scatteri_gl_features known = SCATTERI_GL_HAS(CLOSED) | SCATTERI_GL_HAS(FOG) |
+                                 SCATTERI_GL_HAS(BOUNDED) | SCATTERI_GL_HAS(CELLS) |
+                                 SCATTERI_GL_HAS(POLAR) | SCATTERI_GL_HAS(RAYS);
+    if ((features & SCATTERI_GL_HAS(RAYS)) != 0)
+        known |= SCATTERI_GL_HAS(FIELD) | SCATTERI_GL_HAS(DISTANCE);
+    return features & known;
+}
 
 SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
 {
@@ -5233,9 +5694,7 @@ SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
     key.pass = 0;
     key.slices = 0;
     key.count = 0;
-    key.features = scatteri_gl_medium_features(f) &
-                   (SCATTERI_GL_HAS(CLOSED) | SCATTERI_GL_HAS(FOG) | SCATTERI_GL_HAS(BOUNDED) |
-                    SCATTERI_GL_HAS(CELLS) | SCATTERI_GL_HAS(POLAR));
+    key.features = scatteri_gl_surface_features(f);
     if (f->surface_text != NULL && f->surface_features == key.features)
         return f->surface_text;
     scatteri_gl_assemble(NULL, key, scatteri_gl_surface_chapters, &source);
@@ -5290,6 +5749,7 @@ SCATTER_API scatter_result scatter_gl_bind_surface(scatter_gl *f, unsigned progr
                                         "scatteri_volume1",   "scatteri_volume2",
                                         "scatteri_volume3",   "scatteri_froxel_volume"};
     static const char *const blocks[] = {"scatteri_medium_block", "scatteri_surface_block"};
+    static const char *const field[] = {"scatteri_field"}; /* in the place of volumes */
     int i;
     if (f == NULL)
         return SCATTER_BAD_ARGUMENT;
@@ -5303,10 +5763,23 @@ SCATTER_API scatter_result scatter_gl_bind_surface(scatter_gl *f, unsigned progr
     scatteri_gl_read_texels(f, first_unit, &f->gaussians);
     for (i = 0; i < 4 && i < scatteri_gl_most_batches(f); i++)
         scatteri_gl_read_smooth(f, first_unit + 1 + i, &f->volumes[i]);
+    if (scatteri_gl_casts_rays(f)) {
+        scatteri_gl_set_units(f, program, field, 1, first_unit + 1);
+        scatteri_gl_read_smooth(f, first_unit + 1, scatteri_gl_read_field(f));
+    }
     scatteri_gl_read_smooth(f, first_unit + 5, &f->froxels);
     f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, (unsigned)first_block, f->medium_buffer);
     f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, (unsigned)first_block + 1, f->surface_buffer);
     return SCATTER_OK;
+}
+
+/* Program and texture of the mask. */
+static scatter_result scatteri_gl_warm_mask(scatter_gl *f, const scatter_gl_view *v)
+{
+    const scatteri_gl_program *program;
+    const scatter_result result =
+        scatteri_gl_use(f, SCATTERI_GL_PASS_MASK, scatteri_gl_medium_features(f), 1, &program);
+    return result == SCATTER_OK ? scatteri_gl_reserve_mask(f, v->width, v->height) : result;
 }
 
 /* Everything that update and draw compile, by doing it. */
@@ -5326,9 +5799,11 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quali
         return result;
     features = scatteri_gl_medium_features(f);
     scatteri_gl_save(f, &state);
+    if ((features & SCATTERI_GL_HAS(MASK)) != 0)
+        result = scatteri_gl_warm_mask(f, view);
     if (view->show != SCATTER_GL_SHOW_FOG)
         features |= SCATTERI_GL_HAS(SHOW);
-    else if ((features & SCATTERI_GL_HAS(COLORED)) != 0)
+    else if (result == SCATTER_OK && (features & SCATTERI_GL_HAS(COLORED)) != 0)
         result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
                                  features | SCATTERI_GL_HAS(TRANSMITTANCE), 1, &program);
     for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
@@ -5634,10 +6109,13 @@ static void scatteri_gl_drop_textures(scatter_gl *f)
     scatteri_gl_drop_texture(f, &f->gaussians);
     scatteri_gl_drop_texture(f, &f->rules);
     scatteri_gl_drop_texture(f, &f->field);
+    scatteri_gl_drop_texture(f, &f->spaced);
+    scatteri_gl_drop_texture(f, &f->mask);
     scatteri_gl_drop_texture(f, &f->froxels);
     for (i = 0; i < 2; i++) {
         scatteri_gl_drop_texture(f, &f->running[i]);
         scatteri_gl_drop_texture(f, &f->wave[i]);
+        scatteri_gl_drop_texture(f, &f->distances[i]);
         scatteri_gl_drop_texture(f, &f->reduced[i]);
         scatteri_gl_drop_texture(f, &f->froxel_running[i]);
         scatteri_gl_drop_texture(f, &f->logs[i]);
