@@ -935,6 +935,198 @@ static void test_tone_window(gl_rig *rig) {
     scatter_gl_destroy(fog);
 }
 
+/* -------------------------------------------------------------------- >>distance */
+
+enum { NEAR_X = 17, NEAR_Y = 9, NEAR_Z = 7 };
+
+/* Few voxels hold something: one of `rarity`. */
+static void open_rare_voxels(check_world *w, scatter_box box, int rarity, uint64_t seed) {
+    int i;
+    check_world_open(w);
+    check_add_grid(w, NEAR_X, NEAR_Y, NEAR_Z, box, 1);
+    for (i = 0; i < NEAR_X * NEAR_Y * NEAR_Z; i++)
+        w->voxels[0][i] = check_uniform(&seed, 0, 1) * (float)rarity < 1 ? 1.5f : 0.0f;
+}
+
+/* What is wrong with the truth on purpose. */
+typedef enum near_fault { NEAR_RIGHT, NEAR_NARROW, NEAR_FAR, NEAR_FAULTS } near_fault;
+
+/* Distance, metres, from x (in voxels, 0 at the centre of the first) to the nearest box between the neighbours of a voxel
+   that holds something. NEAR_NARROW: to the voxel's centre, one voxel too far. */
+static double true_distance(const check_world *w, const scatter_vec3 edge, const double *x, near_fault what) {
+    double least = 1e30;
+    int i, j, k, a;
+    for (k = 0; k < NEAR_Z; k++)
+        for (j = 0; j < NEAR_Y; j++)
+            for (i = 0; i < NEAR_X; i++) {
+                const double at[3] = {i, j, k};
+                double sum = 0;
+                for (a = 0; a < 3; a++) {
+                    const double off = fabs(x[a] - at[a]) - (what == NEAR_NARROW ? 0.0 : 1.0);
+                    const double h = (double)scatteri_get(edge, a);
+                    sum += off > 0 ? off * off * h * h : 0;
+                }
+                if (w->voxels[0][(k * NEAR_Y + j) * NEAR_X + i] > 0.0f && sum < least)
+                    least = sum;
+            }
+    return sqrt(least);
+}
+
+/* What the map must hold there, metres; NEAR_FAR: without what keeps it below the distance between voxels. */
+static double true_room(const check_world *w, scatter_vec3 edge, int i, int j, int k, near_fault what) {
+    const double x[3] = {i, j, k}, d = true_distance(w, edge, x, what);
+    const double off = what == NEAR_FAR ? 0.0 : 0.25 * (double)scatteri_dot(edge, edge);
+    return sqrt(fmax(d * d - off, 0));
+}
+
+static scatter_vec3 edges_of(const scatter_box *b) {
+    const scatter_vec3 size = scatteri_sub(b->max, b->min);
+    return check_v3(size.x / NEAR_X, size.y / NEAR_Y, size.z / NEAR_Z);
+}
+
+/* Largest errors of the map, below and above the truth, over the longest edge. */
+static void distance_errors(const check_world *w, const scatteri_gl_texture *t, const float *values,
+                            near_fault what, double *below, double *above) {
+    const scatter_vec3 edge = edges_of(&w->grids[0].box);
+    const double unit = fmax((double)edge.x, fmax((double)edge.y, (double)edge.z));
+    int i, j, k;
+    *below = *above = 0;
+    for (k = 0; k < t->depth; k++)
+        for (j = 0; j < t->height; j++)
+            for (i = 0; i < t->width; i++) {
+                const float *texel = values + 4 * ((k * t->height + j) * t->width + i);
+                const double truth = true_room(w, edge, i, j, k, what) / unit;
+                const double miss = (double)texel[1] - fmin(truth, 4096.0);
+                assert_true(texel[0] == w->voxels[0][(k * NEAR_Y + j) * NEAR_X + i]);
+                *below = fmax(*below, -miss / fmax(truth, 1.0));
+                *above = fmax(*above, miss / fmax(truth, 1.0));
+            }
+}
+
+/* The map between its values, metres, as texture units read it. */
+static double read_between(const scatteri_gl_texture *t, const float *values, const double *x, double unit) {
+    const int size[3] = {t->width, t->height, t->depth};
+    double sum = 0;
+    int corner, a;
+    for (corner = 0; corner < 8; corner++) {
+        int at[3];
+        double weight = 1;
+        for (a = 0; a < 3; a++) {
+            const double g = fmin(fmax(x[a], 0.0), size[a] - 1.0);
+            const int low = g < size[a] - 1.0 ? (int)g : size[a] - 1, side = corner >> a & 1;
+            at[a] = low + side < size[a] ? low + side : low;
+            weight *= side ? g - low : 1 - (g - low);
+        }
+        sum += weight * (double)values[4 * ((at[2] * size[1] + at[1]) * size[0] + at[0]) + 1];
+    }
+    return sum * unit;
+}
+
+/* How far the map, read anywhere in the box, lies above the distance there at most, over the longest edge. */
+static double most_above(const check_world *w, const scatteri_gl_texture *t, const float *values) {
+    const scatter_vec3 edge = edges_of(&w->grids[0].box);
+    const double unit = fmax((double)edge.x, fmax((double)edge.y, (double)edge.z));
+    double worst = -1e30;
+    uint64_t seed = 7;
+    int n;
+    for (n = 0; n < 4000; n++) {
+        const double x[3] = {(double)check_uniform(&seed, -0.5f, NEAR_X - 0.5f),
+                             (double)check_uniform(&seed, -0.5f, NEAR_Y - 0.5f),
+                             (double)check_uniform(&seed, -0.5f, NEAR_Z - 0.5f)};
+        const double miss = read_between(t, values, x, unit) - true_distance(w, edge, x, NEAR_RIGHT);
+        worst = fmax(worst, miss / unit);
+    }
+    return worst;
+}
+
+/* The map of a world's first grid, as RGBA texels. */
+static float *distance_of_grid(gl_rig *rig, scatter_gl *fog, const check_world *w) {
+    scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_EXACT, 0);
+    fill_fog(fog, w, &q, NULL);
+    return read_volume(rig, &fog->spaced);
+}
+
+/* The map against a search over all voxels: voxels that are cubes, flat, long; 32 bits, whose errors are those of a sum,
+   a root and a quotient, and 16 bits, rounded down: 2^-9 below at most. */
+static void test_distance(gl_rig *rig) {
+    static const scatter_box boxes[] = {{{0, 0, 0}, {17, 9, 7}}, {{-1, 2, 0}, {0.7f, 2.2f, 5}}, {{3, 0, 1}, {903, 9, 2}}};
+    int half, rarity, i;
+    for (half = 0; half < 2; half++) {
+        scatter_gl *fog = open_fog(rig, half);
+        for (i = 0; i < 9; i++) {
+            double below, above;
+            check_world w;
+            float *values;
+            rarity = i / 3 == 0 ? 20 : i / 3 == 1 ? 200 : 100000;
+            open_rare_voxels(&w, boxes[i % 3], rarity, (uint64_t)i + 1);
+            values = distance_of_grid(rig, fog, &w);
+            distance_errors(&w, &fog->spaced, values, NEAR_RIGHT, &below, &above);
+            assert_at_most(above, half ? 0.0 : 1e-6);
+            assert_at_most(below, half ? 0x1p-9 : 1e-6);
+            assert_at_most(most_above(&w, &fog->spaced, values), half ? 0.0 : 1e-6);
+            free(values);
+        }
+        assert_int_equal(scatter_gl_get_stats(fog).distance_maps, 9);
+        scatter_gl_destroy(fog);
+    }
+}
+
+/* Planted: distances to voxels rather than to what they reach, and such as are right at voxels but not between them. */
+static void test_wrong_distance(gl_rig *rig) {
+    const scatter_box box = {{0, 0, 0}, {17, 9, 7}};
+    const scatter_vec3 edge = {1, 1, 1};
+    scatter_gl *fog = open_fog(rig, 0);
+    double below, above;
+    check_world w;
+    float *values;
+    int i;
+    open_rare_voxels(&w, box, 200, 3);
+    values = distance_of_grid(rig, fog, &w);
+    distance_errors(&w, &fog->spaced, values, NEAR_NARROW, &below, &above);
+    assert_at_least(below, 0.1);
+    distance_errors(&w, &fog->spaced, values, NEAR_FAR, &below, &above);
+    assert_at_least(below, 0.1);
+    for (i = 0; i < NEAR_X * NEAR_Y * NEAR_Z; i++)
+        values[4 * i + 1] = (float)true_room(&w, edge, i % NEAR_X, i / NEAR_X % NEAR_Y,
+                                             i / (NEAR_X * NEAR_Y), NEAR_FAR);
+    assert_at_least(most_above(&w, &fog->spaced, values), 0.1);
+    free(values);
+    scatter_gl_destroy(fog);
+}
+
+/* Made again when voxels change, and only then; of an injected field, too. */
+static void test_distance_is_kept(gl_rig *rig) {
+    scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_EXACT, 0);
+    scatter_gl *fog = open_fog(rig, 0);
+    unsigned textures;
+    check_world w;
+    int i;
+    open_rare_voxels(&w, check_cube(0, 1), 50, 3);
+    add_lights(&w, 0, 3);
+    for (i = 0; i < 3; i++) {
+        w.lights[0].position.x += 0.1f;
+        fill_fog(fog, &w, &q, NULL);
+        assert_int_equal(scatter_gl_get_stats(fog).distance_maps, 1);
+    }
+    textures = scatter_gl_get_stats(fog).textures;
+    for (i = 0; i < 3; i++) {
+        w.grids[0].version++;
+        fill_fog(fog, &w, &q, NULL);
+        assert_int_equal(scatter_gl_get_stats(fog).distance_maps, 2 + i);
+        assert_int_equal(scatter_gl_get_stats(fog).textures, textures);
+    }
+    q.no_distance_map = 1;
+    w.grids[0].version++;
+    fill_fog(fog, &w, &q, NULL);
+    assert_int_equal(scatter_gl_get_stats(fog).distance_maps, 4);
+    q = quality_of(SCATTER_DEPTH_POLAR, SCATTER_DENSITY_VOLUME, 8);
+    q.ray = SCATTER_RAY_MARCH;
+    fill_fog(fog, &w, &q, NULL);
+    assert_int_equal(scatter_gl_get_stats(fog).distance_maps, 5);
+    assert_int_equal(fog->spaced.width, 8);
+    scatter_gl_destroy(fog);
+}
+
 int main(void) {
     static const gl_case cases[] = {{"injection", test_injection},
                                     {"injection into 16 bits", test_half_injection},
@@ -949,6 +1141,9 @@ int main(void) {
                                     {"tone mapping, planted faults", test_tone_faults},
                                     {"tone mapping of odd pixels", test_tone_odd_pixels},
                                     {"tone mapping to sRGB", test_tone_srgb},
-                                    {"tone mapping in a window", test_tone_window}};
+                                    {"tone mapping in a window", test_tone_window},
+                                    {"distance to density", test_distance},
+                                    {"wrong distances are seen", test_wrong_distance},
+                                    {"the distance map is kept", test_distance_is_kept}};
     return gl_rig_run_all(cases, CHECK_COUNT(cases));
 }
