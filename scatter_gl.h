@@ -81,7 +81,7 @@
    Configuration, before including: that of scatter.h, and
      SCATTER_GL_NO_LOADER    take the gl functions that you have declared; get_proc_address may then be NULL, and what is
                              not in every version (blending per draw buffer, timers...) is found through it only
-   Limits: 8 terms of height fog; 16 lights for surfaces, any number in the fog; voxels on every axis as the context
+   Limits: 8 terms of height fog; 64 lights for surfaces, any number in the fog; voxels on every axis as the context
    allows. Mesa's llvmpipe ends the loops of a pixel after 65535 turns without a word: exact density with hundreds of
    Gaussians on one ray, or hundreds of nodes, come out too dark there; a density volume does not.
 */
@@ -217,7 +217,10 @@ SCATTER_API scatter_result scatter_gl_set_lights(scatter_gl *fog, const scatter_
                                                  size_t count);
 /* Fills the volumes that the methods of `quality` need (NULL: defaults), only where something changed since the last
    call. eye: not NULL: optical depth from there goes into the volumes as well, and draw reads it from the closed volume
-   and from upwind's instead of integrating it (right only for a camera that stands there, and less exact). */
+   and from upwind's instead of integrating it (right only for a camera that stands there, and less exact).
+   quality.lights_per_update: volumes of four lights (three beside an eye) are redone whole, the longest out of date first;
+   those that wait keep the shadows of earlier directions and an earlier medium, colours and phase function are the present
+   ones. Volumes that hold nothing yet are always filled, and an eye that moves redoes all. */
 SCATTER_API scatter_result scatter_gl_update(scatter_gl *fog, const scatter_quality *quality,
                                              const scatter_vec3 *eye);
 /* Blends the fog over the picture: L + T scene, alpha as of premultiplied colour. */
@@ -236,7 +239,8 @@ SCATTER_API scatter_result scatter_gl_resize(scatter_gl *fog, int width, int hei
 SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *fog, const scatter_quality *quality,
                                               const scatter_gl_view *view);
 
-/* For the host's own shaders: text to put between #version and the shader, with
+/* For the host's own shaders, for the first 64 lights (48 beside an eye; fewer where four textures of the depth volumes do
+   not hold as many, see MAX_3D_TEXTURE_SIZE: the others arrive undimmed): text to put between #version and the shader, with
      vec3 scatter_light_transmittance(int light, vec3 world)   T(P, S) between a surface and a light
      vec4 scatter_fog(vec4 premultiplied, vec3 world)          a transparent fragment seen through the fog */
 SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *fog);
@@ -533,7 +537,7 @@ enum {
 
 /* Four lights; those that are not there have no intensity. */
 #define SCATTERI_GL_LIGHTS_BLOCK(V, A) \
-    V(batch) /* lights in it; channel of the first in the volume; 1: has the eye in channel 0 */ \
+    V(batch) /* lights in it; channel of the first in the volume; 1: has the eye in channel 0; first layer */ \
     A(light, 4)     /* position; w: 0 point, 1 spot, 2 directional */ \
     A(direction, 4) /* unit; w: radius */ \
     A(intensity, 4) /* rgb; w: 1 if the light is in the rim of the medium */ \
@@ -543,7 +547,8 @@ enum {
     A(axis_w, 4)    /* w: first shell */ \
     A(polar, 4)     /* 1/step of u, v, r; r of the last shell */ \
     A(polar_size, 4) /* columns, columns, shells of this light; w: 1 if directional */ \
-    A(anchor, 4)     /* of the wavefront: where waves begin; w: bits of axes on which the source is inside */ \
+    A(anchor, 4)     /* of the wavefront: where waves begin; w: bits of axes on which the source is inside.
+                        Of columns: where they begin, 0 if directional */ \
     A(shadow, 4)     /* kind, bias, 1 or -1 (reversed), cascades */ \
     A(shadow_more, 4) /* layer, near, far, not used */ \
     A(shadow_matrix, 64) /* rows of the matrix of light l and cascade c at (l 4 + c) 4 */
@@ -564,9 +569,9 @@ enum {
     V(froxels)      /* nx, ny, nz, log(far / near) */ \
     V(froxel_range) /* near, far */
 
-/* For the host's shaders: what the lights block holds, for 16 slots, and the camera of the froxels. */
+/* For the host's shaders: what the lights block holds, for 64 slots, and the camera of the froxels. */
 #define SCATTERI_GL_SURFACE_BLOCK(V, A) \
-    V(surface_batch) /* lights to a batch, 1: the eye is in channel 0 */ \
+    V(surface_batch) /* lights to a batch; 1: the eye is in channel 0; batches to a texture, layers to a batch */ \
     V(surface_ref) \
     V(surface_range) /* near, log(far / near), middle of the first slice and of the last */ \
     V(froxel_eye)    /* w: 1 if perspective */ \
@@ -574,13 +579,14 @@ enum {
     V(froxel_y) \
     V(froxel_w) \
     V(froxel_t) \
-    A(light, 16) \
-    A(direction, 16) \
-    A(axis_u, 16) \
-    A(axis_v, 16) \
-    A(axis_w, 16) \
-    A(polar, 16) \
-    A(polar_size, 16)
+    A(light, 64) \
+    A(direction, 64) \
+    A(axis_u, 64) \
+    A(axis_v, 64) \
+    A(axis_w, 64) \
+    A(polar, 64) \
+    A(polar_size, 64) \
+    A(anchor, 64)
 
 #define SCATTERI_GL_C_ONE(name) float name[4];
 #define SCATTERI_GL_C_ARRAY(name, count) float name[count][4];
@@ -609,6 +615,7 @@ typedef struct scatteri_gl_view_block {
 typedef struct scatteri_gl_texture {
     unsigned name, target;
     int format, width, height, depth; /* internal format; depth 0: 2D */
+    int first; /* of a part of another texture: its first layer */
 } scatteri_gl_texture;
 
 typedef uint64_t scatteri_gl_features; /* a set of SCATTERI_GL_HAS(...) */
@@ -646,8 +653,10 @@ typedef struct scatteri_gl_timer {
 /* A light on the GPU, and what its channel was filled for. */
 typedef struct scatteri_gl_lamp {
     scatter_gl_light desc; /* direction of unit length */
-    scatter_depth layout;  /* source, method and where the cells lie; without values */
+    scatter_depth layout;  /* source, method and where the cells lie, as they were filled; without values */
     int filled;            /* the channel holds this source's depth */
+    int held;              /* it holds depth, if only of where the source was, or of the medium before */
+    unsigned filled_at;    /* which update filled it */
     int in_rim;            /* see scatteri_in_rim */
 } scatteri_gl_lamp;
 
@@ -678,11 +687,14 @@ struct scatter_gl {
     scatter_quality quality; /* resolved */
     scatteri_trim trim;
     int ready;               /* volumes and tables are those of medium, lights and quality */
+    unsigned updates;
 
     unsigned vertex_array, framebuffer;
     unsigned medium_buffer, view_buffer, *light_buffers; /* one for each batch */
     unsigned nearest, linear;                            /* samplers */
-    scatteri_gl_texture gaussians, rules, *grids, field, *volumes; /* volumes: one for each batch */
+    scatteri_gl_texture gaussians, rules, *grids, field;
+    scatteri_gl_texture *volumes; /* each of `stacked` batches, of `layers` each */
+    int stacked, layers;
     scatteri_gl_voxels *voxels; /* of the grids */
     int grid_room;
     unsigned voxel_buffer;
@@ -1253,32 +1265,30 @@ static const char scatteri_gl_rays[] =
     "}\n"
     "#endif\n";
 
-/* Volumes of one batch, or of four for surfaces: slot 4 b + c is channel c of batch b. */
+/* What the volume of a batch holds at a place in its texels; slot 4 b + c is channel c of batch b. Batches lie behind each
+   other in the layers of a texture; nobody reads beyond the middle of their outermost texels, where they would mix. */
 static const char scatteri_gl_one_volume[] =
     "uniform highp sampler3D scatteri_volume;\n"
-    "vec4 scatteri_volume_at(int slot, vec3 g) {\n"
-    "    return textureLod(scatteri_volume, g, 0.0);\n"
-    "}\n"
-    "vec3 scatteri_volume_size(int slot) {\n"
-    "    return vec3(textureSize(scatteri_volume, 0));\n"
+    "vec4 scatteri_volume_at(int slot, vec3 texel) {\n"
+    "    texel.z += scatteri_batch.w;\n"
+    "    return textureLod(scatteri_volume, texel / vec3(textureSize(scatteri_volume, 0)), 0.0);\n"
     "}\n";
 
+/* For surfaces: of all batches that four textures hold. */
 static const char scatteri_gl_four_volumes[] =
     "uniform highp sampler3D scatteri_volume0;\n"
     "uniform highp sampler3D scatteri_volume1;\n"
     "uniform highp sampler3D scatteri_volume2;\n"
     "uniform highp sampler3D scatteri_volume3;\n"
-    "vec4 scatteri_volume_at(int slot, vec3 g) {\n"
-    "    return slot < 4    ? textureLod(scatteri_volume0, g, 0.0)\n"
-    "           : slot < 8  ? textureLod(scatteri_volume1, g, 0.0)\n"
-    "           : slot < 12 ? textureLod(scatteri_volume2, g, 0.0)\n"
-    "                       : textureLod(scatteri_volume3, g, 0.0);\n"
-    "}\n"
-    "vec3 scatteri_volume_size(int slot) {\n"
-    "    return vec3(slot < 4    ? textureSize(scatteri_volume0, 0)\n"
-    "                : slot < 8  ? textureSize(scatteri_volume1, 0)\n"
-    "                : slot < 12 ? textureSize(scatteri_volume2, 0)\n"
-    "                            : textureSize(scatteri_volume3, 0));\n"
+    "#define SCATTERI_TEXEL(volume) textureLod(volume, texel / vec3(textureSize(volume, 0)), 0.0)\n"
+    "vec4 scatteri_volume_at(int slot, vec3 texel) {\n"
+    "    int batch = slot / 4, stack = batch / int(scatteri_surface_batch.z);\n"
+    "    int before = batch - stack * int(scatteri_surface_batch.z);\n"
+    "    texel.z += float(before) * scatteri_surface_batch.w;\n"
+    "    return stack == 0   ? SCATTERI_TEXEL(scatteri_volume0)\n"
+    "           : stack == 1 ? SCATTERI_TEXEL(scatteri_volume1)\n"
+    "           : stack == 2 ? SCATTERI_TEXEL(scatteri_volume2)\n"
+    "                        : SCATTERI_TEXEL(scatteri_volume3);\n"
     "}\n";
 
 /* Depth of the local terms as the volumes hold it, read as scatteri_read_cells and scatteri_read_columns do: between
@@ -1301,7 +1311,7 @@ static const char scatteri_gl_volume[] =
     "        vec3 w = 1.0 + beyond - mirrored * (1.0 + 2.0 * beyond);\n"
     "        float weight = w.x * w.y * w.z;\n"
     "        if (weight != 0.0)\n"
-    "            sum += weight * scatteri_volume_at(slot, (centre - mirrored * off) / cells);\n"
+    "            sum += weight * scatteri_volume_at(slot, centre - mirrored * off);\n"
     "    }\n"
     "    return sum;\n"
     "}\n"
@@ -1318,21 +1328,21 @@ static const char scatteri_gl_volume[] =
     "}\n"
     "#endif\n"
     "#ifdef SCATTERI_POLAR\n"
-    "float scatteri_columns_depth(int channel, vec3 x, float distance) {\n"
+    /* From the source for which the columns were filled. */
+    "float scatteri_columns_depth(int channel, vec3 x) {\n"
     "    vec4 u = scatteri_axis_u[channel];\n"
     "    vec4 v = scatteri_axis_v[channel];\n"
     "    vec4 w = scatteri_axis_w[channel];\n"
     "    vec4 per = scatteri_polar[channel];\n"
     "    vec4 count = scatteri_polar_size[channel];\n"
-    "    vec3 o = x - scatteri_light[channel].xyz;\n"
+    "    vec3 o = x - scatteri_anchor[channel].xyz;\n"
     "    vec3 q = vec3(dot(o, u.xyz), dot(o, v.xyz), dot(o, w.xyz));\n"
     "    bool parallel = count.w > 0.5;\n"
     "    vec2 column = parallel ? q.xy : scatteri_oct_encode(q);\n"
-    "    float r = min(parallel ? q.z : distance, per.w);\n"
+    "    float r = min(parallel ? q.z : length(o), per.w);\n"
     "    vec3 g = (vec3(column, r) - vec3(u.w, v.w, w.w)) * per.xyz;\n"
     "    g = clamp(g, vec3(0.0), count.xyz - 1.0) + 0.5;\n"
-    "    vec3 size = scatteri_volume_size(channel);\n"
-    "    float value = scatteri_volume_at(channel, g / size)[channel & 3];\n"
+    "    float value = scatteri_volume_at(channel, g)[channel & 3];\n"
     "    return parallel ? value : r * value;\n"
     "}\n"
     "#endif\n"
@@ -1340,7 +1350,7 @@ static const char scatteri_gl_volume[] =
     /* Of source `channel` of the batch; `segment`: part of `distance` inside the bounds. */
     "float scatteri_volume_depth(int channel, vec3 x, vec3 to, float distance, float segment) {\n"
     "#ifdef SCATTERI_POLAR\n"
-    "    return scatteri_columns_depth(channel, x, distance);\n"
+    "    return scatteri_columns_depth(channel, x);\n"
     "#else\n"
     "    return scatteri_cells_depth(channel, x, to, distance, segment);\n"
     "#endif\n"
@@ -2847,7 +2857,7 @@ static const char scatteri_gl_surface[] =
     "    int slot = light / per * 4 + light - light / per * per + eye;\n"
     "    vec3 x = world - scatteri_surface_ref.xyz, to = -scatteri_direction[slot].xyz;\n"
     "    float distance = SCATTERI_FAR;\n"
-    "    if (slot > 15)\n"
+    "    if (slot >= 4 * min(16, 4 * int(scatteri_surface_batch.z)))\n"
     "        return vec3(1.0);\n"
     "    if (scatteri_light[slot].w < 1.5) {\n"
     "        vec3 away = scatteri_light[slot].xyz - x;\n"
@@ -3848,6 +3858,16 @@ static scatter_result scatteri_gl_size_texture(scatter_gl *f, scatteri_gl_textur
     return SCATTER_OK;
 }
 
+/* Room for pictures of that size. It only grows, so that several views can share it. */
+static scatter_result scatteri_gl_grow_texture(scatter_gl *f, scatteri_gl_texture *t, int format,
+                                               int width, int height)
+{
+    if (t->width >= width && t->height >= height)
+        return SCATTER_OK;
+    return scatteri_gl_size_texture(f, t, format, width > t->width ? width : t->width,
+                                    height > t->height ? height : t->height, 0);
+}
+
 /* Values for a whole texture. */
 static void scatteri_gl_upload(scatter_gl *f, const scatteri_gl_texture *t, int rows,
                                const float *values)
@@ -3928,7 +3948,7 @@ static scatter_result scatteri_gl_target_slices(scatter_gl *f, const scatteri_gl
     int i;
     for (i = 0; i < count; i++) {
         layers[i].texture = volume;
-        layers[i].layer = first + i;
+        layers[i].layer = volume->first + first + i;
     }
     return scatteri_gl_target(f, layers, count);
 }
@@ -4133,29 +4153,31 @@ static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *l
     const scatter_light *d = &lamp->desc.light;
     const scatter_gl_shadow *s = &lamp->desc.shadow;
     const scatter_depth *p = &lamp->layout;
-    const int directional = d->kind == SCATTER_LIGHT_DIRECTIONAL;
-    scatter_vec3 at =
-        directional ? scatteri_v3(0.0f, 0.0f, 0.0f) : scatteri_sub(d->position, f->ref);
+    const int directional = d->kind == SCATTER_LIGHT_DIRECTIONAL, parallel = p->source.directional;
+    const scatter_vec3 none = {0.0f, 0.0f, 0.0f}, corner = scatteri_sub(p->box.min, f->ref);
+    const scatter_vec3 at = directional ? none : scatteri_sub(d->position, f->ref);
     int c, row;
     scatteri_gl_put3(b->light[l], at, (float)d->kind);
     scatteri_gl_put3(b->direction[l], d->direction, directional ? 0.0f : d->radius);
     scatteri_gl_put3(b->intensity[l], d->intensity, (float)lamp->in_rim);
     scatteri_gl_put(b->cone[l], (float)cos((double)d->inner), (float)cos((double)d->outer),
                     p->at_source, 0.0f);
-    if (directional) /* columns count from a corner of the local box */
-        at = scatteri_sub(p->box.min, f->ref);
+    /* Parallel columns count from a corner of the local box. */
     scatteri_gl_put3(b->axis_u[l], p->axis_u,
-                     p->low_u + (directional ? scatteri_dot(at, p->axis_u) : 0.0f));
+                     p->low_u + (parallel ? scatteri_dot(corner, p->axis_u) : 0.0f));
     scatteri_gl_put3(b->axis_v[l], p->axis_v,
-                     p->low_v + (directional ? scatteri_dot(at, p->axis_v) : 0.0f));
+                     p->low_v + (parallel ? scatteri_dot(corner, p->axis_v) : 0.0f));
     scatteri_gl_put3(b->axis_w[l], p->axis_w,
-                     p->low_r + (directional ? scatteri_dot(at, p->axis_w) : 0.0f));
+                     p->low_r + (parallel ? scatteri_dot(corner, p->axis_w) : 0.0f));
     if (p->step_u > 0.0f)
         scatteri_gl_put(b->polar[l], 1.0f / p->step_u, 1.0f / p->step_v, 1.0f / p->step_r,
                         b->axis_w[l][3] + (float)(p->nz - 1) * p->step_r);
-    scatteri_gl_put(b->polar_size[l], (float)p->nx, (float)p->ny, (float)p->nz, (float)directional);
+    scatteri_gl_put(b->polar_size[l], (float)p->nx, (float)p->ny, (float)p->nz, (float)parallel);
     if (p->method == SCATTER_DEPTH_UPWIND && p->nx > 0)
         scatteri_gl_put_anchor(b->anchor[l], p);
+    else
+        scatteri_gl_put3(b->anchor[l], parallel ? none : scatteri_sub(p->source.position, f->ref),
+                         0.0f);
     scatteri_gl_put(b->shadow[l], (float)s->kind, s->bias, s->reversed ? -1.0f : 1.0f,
                     (float)(s->cascades > 1 ? s->cascades : 1));
     scatteri_gl_put(b->shadow_more[l], (float)s->layer, s->z_near, s->z_far, 0.0f);
@@ -4358,8 +4380,8 @@ static scatter_result scatteri_gl_sum_columns(scatter_gl *f, const scatteri_gl_t
     scatter_result result = SCATTER_OK;
     int first, i, turn = 0;
     for (i = 0; i < 2 && sums && result == SCATTER_OK; i++)
-        result = scatteri_gl_size_texture(f, &f->running[i], SCATTERI_GL_RGBA32F, volume->width,
-                                          volume->height, 0);
+        result = scatteri_gl_grow_texture(f, &f->running[i], SCATTERI_GL_RGBA32F, volume->width,
+                                          volume->height);
     if (result == SCATTER_OK)
         result = scatteri_gl_use(f, SCATTERI_GL_PASS_POLAR, features, shells, &program);
     for (first = 0; first < volume->depth && result == SCATTER_OK; first += shells) {
@@ -4368,12 +4390,13 @@ static scatter_result scatteri_gl_sum_columns(scatter_gl *f, const scatteri_gl_t
         layers[0].layer = 0;
         for (i = 0; i < count; i++) {
             layers[sums + i].texture = volume;
-            layers[sums + i].layer = first + i;
+            layers[sums + i].layer = volume->first + first + i;
         }
         turn = 1 - turn;
         if (sums)
             scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_BEFORE, &f->running[turn]);
         result = scatteri_gl_target(f, layers, sums + count);
+        scatteri_gl_set_viewport(f, 0, 0, volume->width, volume->height);
         if (result == SCATTER_OK)
             scatteri_gl_fill(f, program, first, 0, 0, 0);
     }
@@ -4487,10 +4510,10 @@ static scatter_result scatteri_gl_propagate_columns(scatter_gl *f,
     return result;
 }
 
-/* Fills f->volumes[batch] with the depth of its sources, whose block was sent. */
-static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch)
+/* Fills the volume of a batch with the depth of its sources, whose block was sent. */
+static scatter_result scatteri_gl_propagate(scatter_gl *f, int batch,
+                                            const scatteri_gl_texture *volume)
 {
-    const scatteri_gl_texture *volume = &f->volumes[batch];
     f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, 1, f->light_buffers[batch]);
     scatteri_gl_read_texels(f, SCATTERI_GL_UNIT_GAUSSIANS, &f->gaussians);
     scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_FIELD, f->density);
@@ -4614,7 +4637,8 @@ static void scatteri_gl_send_batch(scatter_gl *f, int batch)
         scatteri_gl_put_lamp(f, channel, lamp);
         used = channel + 1;
     }
-    scatteri_gl_put(f->lights_block.batch, (float)used, (float)f->has_eye, (float)f->has_eye, 0.0f);
+    scatteri_gl_put(f->lights_block.batch, (float)used, (float)f->has_eye, (float)f->has_eye,
+                    (float)(batch % f->stacked * f->layers));
     scatteri_gl_send(f, f->light_buffers[batch], &f->lights_block, sizeof f->lights_block);
 }
 
@@ -4728,34 +4752,221 @@ static void scatteri_gl_lay_out(scatter_gl *f, scatteri_gl_lamp *lamp)
         d->source.directional ? 0.0f : scatteri_local_density(&f->medium, d->source.position);
 }
 
-static scatter_result scatteri_gl_update_batch(scatter_gl *f, int batch)
+/* --- stacks --- */
+
+enum { SCATTERI_GL_MOST_STACK = 1 << 29 }; /* bytes of a texture of several batches */
+
+/* Cells of the lamp's volume on each axis; 0: it needs none. */
+static void scatteri_gl_shape_of(const scatter_gl *f, const scatteri_gl_lamp *lamp, int *size)
 {
-    scatteri_gl_texture *volume = &f->volumes[batch];
-    scatter_result result;
-    int channel, filled = 1, nx = 0, ny = 0, nz = 0;
+    scatter_depth d;
+    memset(&d, 0, sizeof d);
+    d.medium = &f->medium;
+    d.method = f->quality.depth;
+    d.source.directional = lamp->desc.light.kind == SCATTER_LIGHT_DIRECTIONAL;
+    if (f->medium.has_local && d.method != SCATTER_DEPTH_CLOSED)
+        scatteri_shape(&d, f->quality.grid);
+    size[0] = d.nx;
+    size[1] = d.ny;
+    size[2] = d.nz;
+}
+
+/* All volumes are out of date; not `held`: and of no use. */
+static void scatteri_gl_forget_volumes(scatter_gl *f, int held)
+{
+    int i;
+    for (i = 0; i <= f->desc.max_lights; i++) {
+        f->lamps[i].filled = 0;
+        f->lamps[i].held &= held;
+    }
+}
+
+static void scatteri_gl_forget_batch(scatter_gl *f, int batch)
+{
+    int channel;
     for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
         scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        if (lamp != NULL)
+            lamp->filled = lamp->held = 0;
+    }
+}
+
+/* Whether depth of before can be read: columns know where they lie, cells lie in the local box. */
+static int scatteri_gl_still_fits(const scatter_gl *f, const scatteri_gl_lamp *lamp,
+                                  const int *size)
+{
+    const scatter_depth *d = &lamp->layout;
+    const int directional = lamp->desc.light.kind == SCATTER_LIGHT_DIRECTIONAL;
+    return size[0] == d->nx && size[2] == d->nz && directional == d->source.directional &&
+           (d->method == SCATTER_DEPTH_POLAR || scatteri_same_box(d->box, f->medium.local));
+}
+
+/* The most cells on each axis that a lamp of the batch needs. What was filled for another shape is of no use. */
+static void scatteri_gl_shape_of_batch(scatter_gl *f, int batch, int *size)
+{
+    int channel, k, other = 0;
+    for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
+        const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        int own[3];
         if (lamp == NULL)
             break;
-        if (!lamp->filled)
+        scatteri_gl_shape_of(f, lamp, own);
+        other |= !scatteri_gl_still_fits(f, lamp, own);
+        for (k = 0; k < 3; k++)
+            size[k] = own[k] > size[k] ? own[k] : size[k];
+    }
+    if (other)
+        scatteri_gl_forget_batch(f, batch);
+}
+
+/* Batches to a texture: as many as its layers and bytes allow. */
+static int scatteri_gl_batches_to_a_texture(const scatter_gl *f, const int *size)
+{
+    const size_t bytes = (size_t)scatteri_gl_texel(scatteri_gl_volume_format(f)) *
+                         (size_t)size[0] * (size_t)size[1] * (size_t)size[2];
+    const int by_bytes = (int)((size_t)SCATTERI_GL_MOST_STACK / bytes);
+    return scatteri_clamp_int(f->max_3d / size[2], 1, by_bytes > 1 ? by_bytes : 1);
+}
+
+/* A texture for the batches from `first` on. It only grows while their cells stay as many. */
+static scatter_result scatteri_gl_reserve_stack(scatter_gl *f, int first, const int *size)
+{
+    scatteri_gl_texture *t = &f->volumes[first / f->stacked];
+    const int format = scatteri_gl_volume_format(f), left = f->batch_count - first;
+    const int batches = left < f->stacked ? left : f->stacked;
+    int i;
+    if (t->format == format && t->width == size[0] && t->height == size[1] &&
+        t->depth >= batches * size[2])
+        return SCATTER_OK;
+    for (i = 0; i < batches; i++)
+        scatteri_gl_forget_batch(f, first + i);
+    return scatteri_gl_size_texture(f, t, format, size[0], size[1], batches * size[2]);
+}
+
+static int scatteri_gl_most_batches(const scatter_gl *f)
+{
+    return (f->desc.max_lights + SCATTERI_GL_BATCH - 2) / (SCATTERI_GL_BATCH - 1) + 1;
+}
+
+static void scatteri_gl_drop_volumes(scatter_gl *f)
+{
+    int i;
+    for (i = 0; i < scatteri_gl_most_batches(f); i++)
+        scatteri_gl_drop_texture(f, &f->volumes[i]);
+    scatteri_gl_forget_volumes(f, 0);
+}
+
+/* Room for the volumes of all batches. */
+static scatter_result scatteri_gl_reserve_volumes(scatter_gl *f)
+{
+    int batch, stacked, size[3] = {0, 0, 0};
+    scatter_result result = SCATTER_OK;
+    for (batch = 0; batch < f->batch_count; batch++)
+        scatteri_gl_shape_of_batch(f, batch, size);
+    stacked = size[0] > 0 ? scatteri_gl_batches_to_a_texture(f, size) : 1;
+    if (stacked != f->stacked || size[2] != f->layers)
+        scatteri_gl_drop_volumes(f);
+    f->stacked = stacked;
+    f->layers = size[2];
+    for (batch = 0; batch < f->batch_count && size[0] > 0 && result == SCATTER_OK;
+         batch += stacked)
+        result = scatteri_gl_reserve_stack(f, batch, size);
+    return result;
+}
+
+/* The layers that belong to a batch, as far as its own lamps need them. */
+static scatteri_gl_texture scatteri_gl_volume_of(scatter_gl *f, int batch)
+{
+    scatteri_gl_texture part = f->volumes[batch / f->stacked];
+    int channel;
+    part.first = batch % f->stacked * f->layers;
+    part.width = part.height = part.depth = 0;
+    for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
+        const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        const scatter_depth *d = lamp != NULL ? &lamp->layout : NULL;
+        if (d == NULL)
+            break;
+        part.width = d->nx > part.width ? d->nx : part.width;
+        part.height = d->ny > part.height ? d->ny : part.height;
+        part.depth = d->nz > part.depth ? d->nz : part.depth;
+    }
+    return part;
+}
+
+/* --- batches --- */
+
+static scatter_result scatteri_gl_fill_volume_of(scatter_gl *f, int batch)
+{
+    scatteri_gl_texture volume;
+    scatter_result result = SCATTER_OK;
+    int channel;
+    for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
+        scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        if (lamp != NULL && !lamp->filled)
             scatteri_gl_lay_out(f, lamp);
-        filled &= lamp->filled;
-        nx = nx > lamp->layout.nx ? nx : lamp->layout.nx;
-        ny = ny > lamp->layout.ny ? ny : lamp->layout.ny;
-        nz = nz > lamp->layout.nz ? nz : lamp->layout.nz;
     }
     scatteri_gl_send_batch(f, batch);
-    if (nx == 0 || filled)
-        return SCATTER_OK;
-    result = scatteri_gl_size_texture(f, volume, scatteri_gl_volume_format(f), nx, ny, nz);
-    if (result == SCATTER_OK)
-        result = scatteri_gl_propagate(f, batch);
-    f->stats.propagations++;
+    volume = scatteri_gl_volume_of(f, batch);
+    if (volume.width > 0) {
+        result = scatteri_gl_propagate(f, batch, &volume);
+        f->stats.propagations++;
+    }
     for (channel = 0; channel < (int)SCATTERI_GL_BATCH && result == SCATTER_OK; channel++) {
         scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
-        if (lamp != NULL)
-            lamp->filled = 1;
+        if (lamp != NULL) {
+            lamp->filled = lamp->held = 1;
+            lamp->filled_at = f->updates;
+        }
     }
+    return result;
+}
+
+/* What its volume lacks: 2: depth of some lamp, 1: depth of where a lamp is now, 0: nothing. */
+static int scatteri_gl_lacks(scatter_gl *f, int batch)
+{
+    int channel, lacks = 0;
+    for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
+        const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        const int here = lamp == NULL || lamp->filled ? 0 : lamp->held ? 1 : 2;
+        lacks = here > lacks ? here : lacks;
+    }
+    return lacks;
+}
+
+/* Updates since a batch was filled; the most where it has no lights. */
+static unsigned scatteri_gl_age(scatter_gl *f, int batch)
+{
+    const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, f->has_eye);
+    return lamp != NULL ? f->updates - lamp->filled_at : ~0u;
+}
+
+/* Of the batches that are out of date, the one that was filled longest ago; -1: none is. */
+static int scatteri_gl_oldest(scatter_gl *f)
+{
+    int batch, oldest = -1;
+    for (batch = 0; batch < f->batch_count; batch++)
+        if (scatteri_gl_lacks(f, batch) > 0 &&
+            (oldest < 0 || scatteri_gl_age(f, batch) > scatteri_gl_age(f, oldest)))
+            oldest = batch;
+    return oldest;
+}
+
+/* Volumes that hold nothing, and as many of those out of date as quality.lights_per_update allows; the others keep the
+   layout with which they were filled. */
+static scatter_result scatteri_gl_update_batches(scatter_gl *f)
+{
+    const int per_batch = scatteri_gl_lights_per_batch(f), lights = f->quality.lights_per_update;
+    int batch, left = lights > 0 ? (lights + per_batch - 1) / per_batch : f->batch_count;
+    scatter_result result = SCATTER_OK;
+    f->updates++;
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++)
+        if (scatteri_gl_lacks(f, batch) == 2)
+            result = scatteri_gl_fill_volume_of(f, batch);
+    for (; left > 0 && result == SCATTER_OK && (batch = scatteri_gl_oldest(f)) >= 0; left--)
+        result = scatteri_gl_fill_volume_of(f, batch);
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++)
+        if (scatteri_gl_age(f, batch) > 0)
+            scatteri_gl_send_batch(f, batch);
     return result;
 }
 
@@ -4826,30 +5037,23 @@ static scatter_result scatteri_gl_check_quality(scatter_gl *f, const scatter_qua
     return SCATTER_OK;
 }
 
-static void scatteri_gl_forget_volumes(scatter_gl *f)
-{
-    int i;
-    for (i = 0; i <= f->desc.max_lights; i++)
-        f->lamps[i].filled = 0;
-}
-
 static int scatteri_gl_same_quality(const scatter_quality *a, const scatter_quality *b)
 {
     return a->depth == b->depth && a->density == b->density && a->grid == b->grid;
 }
 
-/* The eye as the last lamp. */
+/* The eye as the last lamp. It has a channel in every batch. */
 static void scatteri_gl_place_eye(scatter_gl *f, const scatter_vec3 *eye)
 {
     scatteri_gl_lamp *lamp = &f->lamps[f->desc.max_lights];
     const int has_eye = eye != NULL;
-    if (f->has_eye != has_eye)
-        scatteri_gl_forget_volumes(f);
+    const int stays = f->has_eye == has_eye &&
+                      (!has_eye || memcmp(&lamp->desc.light.position, eye, sizeof *eye) == 0);
+    if (!stays)
+        scatteri_gl_forget_volumes(f, 0);
     f->has_eye = has_eye;
     if (!has_eye)
         return;
-    if (memcmp(&lamp->desc.light.position, eye, sizeof *eye) != 0)
-        lamp->filled = 0;
     memset(&lamp->desc, 0, sizeof lamp->desc);
     lamp->desc.light.position = *eye;
 }
@@ -4867,7 +5071,7 @@ static void scatteri_gl_update_trim(scatter_gl *f)
 static scatter_result scatteri_gl_update_all(scatter_gl *f)
 {
     scatter_result result;
-    int batch, per_batch = scatteri_gl_lights_per_batch(f);
+    const int per_batch = scatteri_gl_lights_per_batch(f);
     f->batch_count = f->lamp_count > 0 ? (f->lamp_count + per_batch - 1) / per_batch : 1;
     scatteri_gl_send_rules(f);
     scatteri_gl_update_trim(f);
@@ -4876,8 +5080,10 @@ static scatter_result scatteri_gl_update_all(scatter_gl *f)
     if (result == SCATTER_OK)
         result = scatteri_gl_update_distance(f);
     scatteri_gl_begin_timer(f, SCATTERI_GL_TIME_DEPTH);
-    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++)
-        result = scatteri_gl_update_batch(f, batch);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_reserve_volumes(f);
+    if (result == SCATTER_OK)
+        result = scatteri_gl_update_batches(f);
     scatteri_gl_end_timer(f, SCATTERI_GL_TIME_DEPTH);
     return result;
 }
@@ -4904,7 +5110,7 @@ SCATTER_API scatter_result scatter_gl_update(scatter_gl *f, const scatter_qualit
     if (result != SCATTER_OK)
         return result;
     if (!scatteri_gl_same_quality(&q, &f->quality))
-        scatteri_gl_forget_volumes(f);
+        scatteri_gl_forget_volumes(f, 0);
     f->quality = q;
     scatteri_gl_place_eye(f, eye);
     scatteri_gl_save(f, &state);
@@ -5105,7 +5311,7 @@ static void scatteri_gl_bind_batch(scatter_gl *f, int batch)
                                        SCATTERI_GL_CUBE};
     int channel;
     f->gl.BindBufferBase(SCATTERI_GL_UNIFORM_BUFFER, 1, f->light_buffers[batch]);
-    scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_VOLUME, &f->volumes[batch]);
+    scatteri_gl_read_smooth(f, SCATTERI_GL_UNIT_VOLUME, &f->volumes[batch / f->stacked]);
     for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
         const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
         if (lamp != NULL && lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE)
@@ -5233,16 +5439,6 @@ static scatter_result scatteri_gl_draw_whole(scatter_gl *f, const scatter_gl_vie
 static int scatteri_gl_reduced_size(int size, int divide)
 {
     return size / divide + (size % divide != 0);
-}
-
-/* Room for pictures of that size. It only grows, so that several views can share it. */
-static scatter_result scatteri_gl_grow_texture(scatter_gl *f, scatteri_gl_texture *t, int format,
-                                               int width, int height)
-{
-    if (t->width >= width && t->height >= height)
-        return SCATTER_OK;
-    return scatteri_gl_size_texture(f, t, format, width > t->width ? width : t->width,
-                                    height > t->height ? height : t->height, 0);
 }
 
 /* Room for L and, where it has color, T. */
@@ -5660,12 +5856,7 @@ SCATTER_API scatter_result scatter_gl_tone_map(scatter_gl *f, const scatter_gl_t
 
 /* --------------------------------------------------------------------------------------- >>surfaces */
 
-static int scatteri_gl_most_batches(const scatter_gl *f)
-{
-    return (f->desc.max_lights + SCATTERI_GL_BATCH - 2) / (SCATTERI_GL_BATCH - 1) + 1;
-}
-
-enum { SCATTERI_GL_SLOTS = 16 }; /* lights of surfaces: four batches */
+enum { SCATTERI_GL_SLOTS = 64 }; /* lights of surfaces; also in GLSL */
 
 static const char scatteri_gl_surface_chapters[] = SCATTERI_GL_MATHS
     "surface_blocks table gaussians density rays four_volumes volume depth_to surface";
@@ -5716,14 +5907,14 @@ SCATTER_API const char *scatter_gl_surface_glsl(scatter_gl *f)
     return text;
 }
 
-/* Lights of the first four batches, each in the slot of its batch and channel. */
+/* Lights of the first batches, each in the slot of its batch and channel. */
 static void scatteri_gl_send_surface(scatter_gl *f)
 {
     scatteri_gl_surface_block *s = &f->surface_block;
     const scatteri_gl_lights_block *l = &f->lights_block;
     int slot;
     scatteri_gl_put(s->surface_batch, (float)scatteri_gl_lights_per_batch(f), (float)f->has_eye,
-                    0.0f, 0.0f);
+                    (float)f->stacked, (float)f->layers);
     scatteri_gl_put3(s->surface_ref, f->ref, 0.0f);
     for (slot = 0; slot < (int)SCATTERI_GL_SLOTS; slot++) {
         const int c = slot % SCATTERI_GL_BATCH;
@@ -5738,6 +5929,7 @@ static void scatteri_gl_send_surface(scatter_gl *f)
         memcpy(s->axis_w[slot], l->axis_w[c], sizeof l->axis_w[c]);
         memcpy(s->polar[slot], l->polar[c], sizeof l->polar[c]);
         memcpy(s->polar_size[slot], l->polar_size[c], sizeof l->polar_size[c]);
+        memcpy(s->anchor[slot], l->anchor[c], sizeof l->anchor[c]);
     }
     scatteri_gl_send(f, f->surface_buffer, s, sizeof *s);
 }
@@ -6124,8 +6316,8 @@ static void scatteri_gl_drop_textures(scatter_gl *f)
         scatteri_gl_drop_texture(f, &f->grids[i]);
         scatteri_gl_drop_texture(f, &f->voxels[i].before);
     }
-    for (i = 0; f->volumes != NULL && i < scatteri_gl_most_batches(f); i++)
-        scatteri_gl_drop_texture(f, &f->volumes[i]);
+    if (f->light_buffers != NULL) /* the last thing that there is room for */
+        scatteri_gl_drop_volumes(f);
 }
 
 SCATTER_API void scatter_gl_destroy(scatter_gl *f)
@@ -6305,7 +6497,7 @@ static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medi
                  ? scatteri_scale(scatteri_add(medium->bounds.min, medium->bounds.max), 0.5f)
                  : scatteri_v3(0.0f, 0.0f, 0.0f);
     f->medium_version++;
-    scatteri_gl_forget_volumes(f);
+    scatteri_gl_forget_volumes(f, 1);
     scatteri_gl_save(f, &state);
     scatteri_gl_send_gaussians(f);
     result = scatteri_gl_send_grids(f);
@@ -6392,6 +6584,7 @@ SCATTER_API scatter_result scatter_gl_set_lights(scatter_gl *f, const scatter_gl
     for (i = 0; i < count; i++) {
         scatteri_gl_take_light(&f->lamps[i], &lights[i]);
         f->lamps[i].filled &= (int)i < f->lamp_count;
+        f->lamps[i].held &= (int)i < f->lamp_count;
     }
     f->lamp_count = (int)count;
     return SCATTER_OK;

@@ -52,8 +52,8 @@ static inline void gl_rig_run(void **state)
 static inline int gl_rig_run_all(const gl_case *cases, size_t count)
 {
     static const char *const apis[] = {"gl33", "gl45", "es30", "osmesa"};
-    static gl_run runs[96];
-    static struct CMUnitTest tests[96];
+    static gl_run runs[128];
+    static struct CMUnitTest tests[128];
     size_t i;
     assert_true(4 * count <= CHECK_COUNT(tests));
     for (i = 0; i < 4 * count; i++) {

@@ -511,6 +511,7 @@ static const refusal refusals[] = {
     BAD(DO_UPDATE, "quality.nodes", 'i', quality.nodes, 257),
     BAD(DO_UPDATE, "quality.grid", 'i', quality.grid, 1),
     BAD(DO_UPDATE, "quality.grid", 'i', quality.grid, 1025),
+    BAD(DO_UPDATE, "quality.lights_per_update", 'i', quality.lights_per_update, -1),
     BAD(DO_UPDATE, "eye", 'f', eye.y, (double)NAN),
     BAD(DO_DRAW, "view.view", 'p', view.view, 0),
     BAD(DO_DRAW, "view.projection", 'p', view.projection, 0),

@@ -69,7 +69,8 @@ static float *read_volume(gl_rig *rig, const scatteri_gl_texture *t) {
     gl->GenFramebuffers(1, &framebuffer);
     gl->BindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
     for (i = 0; i < t->depth; i++) {
-        gl->FramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, t->name, 0, i);
+        gl->FramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, t->name, 0,
+                                    t->first + i);
         assert_int_equal(gl->CheckFramebufferStatus(GL_READ_FRAMEBUFFER), GL_FRAMEBUFFER_COMPLETE);
         gl->ReadBuffer(GL_COLOR_ATTACHMENT0);
         gl->ReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_FLOAT, values + layer * (size_t)i);
@@ -272,7 +273,8 @@ static double depth_error(gl_rig *rig, scatter_gl *fog, const scatter_medium *m,
     double worst = 0, best = 1e9;
     int batch, channel;
     for (batch = 0; batch < fog->batch_count; batch++) {
-        float *values = read_volume(rig, &fog->volumes[batch]);
+        const scatteri_gl_texture volume = scatteri_gl_volume_of(fog, batch);
+        float *values = read_volume(rig, &volume);
         for (channel = 0; channel < 4; channel++) {
             const int next = what == NEXT ? channel + 1 : channel;
             const scatteri_gl_lamp *lamp =
@@ -283,7 +285,7 @@ static double depth_error(gl_rig *rig, scatter_gl *fog, const scatter_medium *m,
                 (what == UNDIVIDED && lamp->desc.light.kind == SCATTER_LIGHT_DIRECTIONAL))
                 continue;
             twin = depth_twin(m, scatteri_source_of(&lamp->desc.light), q);
-            error = channel_error(&fog->volumes[batch], values, channel, twin, what);
+            error = channel_error(&volume, values, channel, twin, what);
             if (!(error <= worst))
                 worst = error;
             best = error < best ? error : best;
