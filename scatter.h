@@ -405,9 +405,10 @@ SCATTER_API float scatter_depth_at(const scatter_depth *depth, scatter_vec3 x);
    2 degrees at least as much light as each other light gets) becomes a light of its own, first in the
    list. Lights that nothing is left for are black and shine down.
    Moving the map by whole columns turns the lights of the median cut; those of k-means, too, by whole
-   cells (1/128 of the width). Allocates, and releases again, 4 bytes per texel, 0.3 MB for k-means and
-   tables of rows and columns. O(texels log count), on the calling thread; times are in
-   docs/report.md. `host` may be NULL. On failure `lights` stay as they are. */
+   cells (1/128 of the width). Allocates, and releases again, 4 bytes per texel (16 in maps of less
+   than 128 by 64, which are cut finer first), 0.3 MB for k-means, and tables of rows and columns.
+   O(texels log count), on the calling thread; times are in docs/report.md. `host` may be NULL. On
+   failure `lights` stay as they are. */
 SCATTER_API scatter_result scatter_constellation(const scatter_host *host, const scatter_environment *map,
                                                  scatter_constellation_method method, int count,
                                                  scatter_light *lights);
@@ -1240,13 +1241,14 @@ static scatter_result scatteri_parallel(const scatteri_stage *stage, int count,
 enum {
     SCATTERI_LIGHTS = 256,     /* of a constellation, at most */
     SCATTERI_MAP_EDGE = 65536, /* texels along an edge of a map, at most */
-    SCATTERI_FINE = 128, /* columns of cells for k-means; maps of fewer are refined; half of it rows */
-    SCATTERI_DISCS = 1024, /* bright spots that are looked at, at most */
-    SCATTERI_RELAX = 8,    /* Lloyd steps after each insertion */
-    SCATTERI_ROUNDS = 24   /* of insertions, at most: 8 if none of the lights is lost again */
+    SCATTERI_FINE = 128,       /* columns of cells, and what a map needs; half of it rows */
+    SCATTERI_DISCS = 1024,     /* bright spots that are looked at, at most */
+    SCATTERI_RELAX = 8,        /* Lloyd steps after each insertion */
+    SCATTERI_ROUNDS = 24       /* of insertions, at most: 8 if none of the lights is lost again */
 };
 
 #define SCATTERI_PI 3.14159265358979323846
+#define SCATTERI_RADIANT 1e12f    /* W/(m2 sr), the brightest texel: irradiances stay below 1e18 */
 #define SCATTERI_SUN_ANGLE 0.0349 /* rad: 2 degrees, within which a sun lies; at least 2 texels */
 #define SCATTERI_SUN_EDGE 0.1f    /* of its brightest texel, the faintest that belongs to a sun */
 #define SCATTERI_SUN_RING 0.05    /* of its energy, what may lie around it */
@@ -1273,27 +1275,30 @@ typedef struct scatteri_patch {
 
 /* k-means works on these. */
 typedef struct scatteri_cells {
-    int count;         /* a multiple of SCATTERI_LANES */
-    int sx, sy;        /* texels along the edges of a cell */
-    int columns;       /* of cells */
-    float *x, *y, *z;  /* first moment */
-    float *size;       /* its length: nearly the energy */
-    float *best;       /* product of the moment and the direction of the nearest centre */
-    float *rgb;        /* irradiance */
-    int *owner;        /* number of the nearest centre */
+    int count;        /* a multiple of SCATTERI_LANES */
+    int sx, sy;       /* texels along the edges of a cell */
+    int columns;      /* of cells */
+    float *x, *y, *z; /* first moment */
+    float *size;      /* its length: nearly the energy */
+    float *best;      /* product of the moment and the direction of the nearest centre */
+    float *rgb;       /* irradiance */
+    int *owner;       /* number of the nearest centre */
 } scatteri_cells;
 
 typedef struct scatteri_sky {
     const scatter_host *host;
     const scatter_environment *given;
     scatter_environment map; /* the same radiance, perhaps in smaller texels */
-    scatteri_buffer refined, tables, texels, memory; /* memory of what follows */
-    scatteri_band *band;                             /* of each row */
-    double *row, *column;                            /* energy of the rows and columns of a patch */
-    float *east, *north; /* of each column: integrals of sin and cos of its azimuth */
-    float *brightest;    /* of each row: luminance of the brightest texel not looked at */
-    float *luminance;    /* SCATTERI_TAKEN in suns, negative where the search for suns has been */
+    /* in `refined`: the texels of the map if they are smaller; in `tables`: */
+    scatteri_band *band;  /* of each row */
+    double *row, *column; /* energy of the rows and columns of a patch */
+    float *east, *north;  /* of each column: integrals of sin and cos of its azimuth */
+    float *brightest;     /* of each row: luminance of the brightest texel not looked at */
+    /* in `texels`: */
+    float *luminance; /* SCATTERI_TAKEN in suns, negative where the search for suns has been */
+    /* in `clusters`: */
     scatteri_cells cells;
+    scatteri_buffer refined, tables, texels, clusters;
     double energy; /* outside suns */
     int seam;      /* column at which the median cut begins */
 } scatteri_sky;
@@ -1307,9 +1312,9 @@ SCATTERI_HOT static int scatteri_is_radiance(const float *value, size_t count)
     size_t n = 0;
     for (; n + SCATTERI_LANES <= count; n += SCATTERI_LANES)
         for (i = 0; i < SCATTERI_LANES; i++)
-            bad[i] |= !(value[n + (size_t)i] >= 0.0f) | !(value[n + (size_t)i] <= 1e12f);
+            bad[i] |= !(value[n + (size_t)i] >= 0.0f) | !(value[n + (size_t)i] <= SCATTERI_RADIANT);
     for (; n < count; n++)
-        any |= !(value[n] >= 0.0f && value[n] <= 1e12f);
+        any |= !(value[n] >= 0.0f && value[n] <= SCATTERI_RADIANT);
     for (i = 0; i < SCATTERI_LANES; i++)
         any |= bad[i];
     return !any;
@@ -1538,7 +1543,7 @@ static scatter_result scatteri_refuse_texel(const scatteri_sky *sky, int y)
 {
     const float *row = sky->map.rgb + 3 * (size_t)y * (size_t)sky->map.width;
     int i = 0;
-    while (i + 1 < 3 * sky->map.width && row[i] >= 0.0f && row[i] <= 1e12f)
+    while (i + 1 < 3 * sky->map.width && row[i] >= 0.0f && row[i] <= SCATTERI_RADIANT)
         i++;
     return scatteri_fail(sky->host, SCATTER_BAD_ARGUMENT,
                          "map.rgb in column %d of row %d is %g, it must be 0..1e12",
@@ -1604,7 +1609,7 @@ static void scatteri_close_sky(scatteri_sky *sky)
     scatteri_drop(sky->host, &sky->refined);
     scatteri_drop(sky->host, &sky->tables);
     scatteri_drop(sky->host, &sky->texels);
-    scatteri_drop(sky->host, &sky->memory);
+    scatteri_drop(sky->host, &sky->clusters);
 }
 
 /* --- suns --- */
@@ -1738,7 +1743,8 @@ static int scatteri_take_suns(scatteri_sky *sky, int count, scatter_light *light
             lights[found++] = scatteri_light_of(sky, &part);
         sky->energy -= is_sun ? part.energy : 0.0;
     }
-    scatteri_end_search(sky);
+    if (look > found)
+        scatteri_end_search(sky);
     return found;
 }
 
@@ -1759,13 +1765,21 @@ static void scatteri_project(scatteri_sky *sky, const scatteri_patch *p)
     }
 }
 
+static double scatteri_sum_of(const double *value, int count)
+{
+    double sum = 0.0;
+    int i;
+    for (i = 0; i < count; i++)
+        sum += value[i];
+    return sum;
+}
+
 /* Where to cut so that both sides have the same energy, as nearly as it goes: 1..count-1. */
 static int scatteri_even_cut(const double *energy, int count)
 {
-    double all = 0.0, sum = 0.0, least = -1.0;
+    const double all = scatteri_sum_of(energy, count);
+    double sum = 0.0, least = -1.0;
     int i, best = 1;
-    for (i = 0; i < count; i++)
-        all += energy[i];
     for (i = 1; i < count; i++) {
         double uneven;
         sum += energy[i - 1];
@@ -1776,15 +1790,6 @@ static int scatteri_even_cut(const double *energy, int count)
         }
     }
     return best;
-}
-
-static double scatteri_sum_of(const double *value, int count)
-{
-    double sum = 0.0;
-    int i;
-    for (i = 0; i < count; i++)
-        sum += value[i];
-    return sum;
 }
 
 /* Leaves out dark rows or columns at both ends: returns how many at the beginning. */
@@ -1812,31 +1817,27 @@ static int scatteri_is_wide(const scatteri_sky *sky, const scatteri_patch *p)
 /* The part of a patch behind the cut becomes *rest. */
 static void scatteri_cut_patch(scatteri_sky *sky, scatteri_patch *p, scatteri_patch *rest)
 {
-    int x, y, at;
+    const double *energy;
+    int x, y, wide, count, at;
     scatteri_project(sky, p);
     x = scatteri_skip_dark(sky->column, &p->nx);
     y = scatteri_skip_dark(sky->row, &p->ny);
     p->x0 = (p->x0 + x) % sky->map.width;
     p->y0 += y;
     p->whole = p->nx == 1 && p->ny == 1;
-    *rest = *p;
     if (p->whole)
         return;
-    if (scatteri_is_wide(sky, p)) {
-        at = scatteri_even_cut(sky->column + x, p->nx);
-        p->energy = scatteri_sum_of(sky->column + x, at);
-        rest->energy = scatteri_sum_of(sky->column + x + at, p->nx - at);
-        rest->x0 = (p->x0 + at) % sky->map.width;
-        rest->nx = p->nx - at;
-        p->nx = at;
-    } else {
-        at = scatteri_even_cut(sky->row + y, p->ny);
-        p->energy = scatteri_sum_of(sky->row + y, at);
-        rest->energy = scatteri_sum_of(sky->row + y + at, p->ny - at);
-        rest->y0 += at;
-        rest->ny = p->ny - at;
-        p->ny = at;
-    }
+    wide = scatteri_is_wide(sky, p);
+    energy = wide ? sky->column + x : sky->row + y;
+    count = wide ? p->nx : p->ny;
+    at = scatteri_even_cut(energy, count);
+    *rest = *p;
+    rest->energy = scatteri_sum_of(energy + at, count - at);
+    rest->x0 = wide ? (p->x0 + at) % sky->map.width : p->x0;
+    rest->y0 = wide ? p->y0 : p->y0 + at;
+    *(wide ? &rest->nx : &rest->ny) = count - at;
+    p->energy = scatteri_sum_of(energy, at);
+    *(wide ? &p->nx : &p->ny) = at;
 }
 
 /* The patch with the greatest energy of those that can be cut, or -1. */
@@ -1884,11 +1885,11 @@ static scatter_result scatteri_reserve_cells(scatteri_sky *sky)
     c->count = c->columns * ((sky->map.height - 1) / c->sy + 1);
     c->count = (c->count + SCATTERI_LANES - 1) / SCATTERI_LANES * SCATTERI_LANES;
     n = (size_t)c->count;
-    result = scatteri_reserve(sky->host, &sky->memory, n * (8 * sizeof(float) + sizeof(int)),
+    result = scatteri_reserve(sky->host, &sky->clusters, n * (8 * sizeof(float) + sizeof(int)),
                               "the cells of an environment");
     if (result != SCATTER_OK)
         return result;
-    c->x = (float *)sky->memory.data;
+    c->x = (float *)sky->clusters.data;
     c->y = c->x + n;
     c->z = c->y + n;
     c->size = c->z + n;
