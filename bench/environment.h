@@ -13,11 +13,12 @@ enum {
     ENV_PHASES = 3,
     ENV_LANES = 16,
     ENV_GAUSSIANS = 8,
-    ENV_RAYS = 128,
+    ENV_RAYS = 64,
     ENV_NODES = 12, /* on each ray */
-    ENV_ROUNDS = 9,
+    ENV_ROUNDS = 7,
     ENV_LARGE = 4096, /* columns of the upscaled map */
-    ENV_AT_20 = 3     /* the place of 20 lights in env_counts */
+    ENV_LARGE_ROUNDS = 3,
+    ENV_AT_20 = 3 /* the place of 20 lights in env_counts */
 };
 
 static const int env_counts[ENV_COUNTS] = {4, 8, 16, 20, 32, 64, 128, 256};
@@ -46,7 +47,8 @@ static timing env_time(const scatter_environment *map, int method, int count)
 {
     scatter_light lights[256];
     timing t = {{0}, 0};
-    for (int i = 0; i < by_level(1, 3, ENV_ROUNDS); i++) {
+    int most = map->width < ENV_LARGE ? ENV_ROUNDS : ENV_LARGE_ROUNDS;
+    for (int i = 0; i < by_level(1, 3, most); i++) {
         double start = thread_ms();
         env_constellation(map, method, count, lights);
         timing_add(&t, thread_ms() - start);
