@@ -1,6 +1,7 @@
 /* test_environment.c - constellations of environment maps: energy, directions, suns, symmetries,
    awkward maps; the lights turned; radiance of a map. References are integrals in double over every
-   texel, written independently of the header. Names with "planted" put a fault in and must see it. */
+   texel, written independently of the header. Names with "planted" put a fault in and must see it.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -174,10 +175,10 @@ static double spread(const scatter_light *lights, int count) {
 }
 
 /* A map without black texels, so that a cut misses the half by no more than the energy of one row
-   or column. Those of a part of n by n texels hold at most 10 pi/2 times 1/n of it (10: the range of
-   the texels, pi/2: of the sine over a row); 16 parts of 512 by 256 texels come from cuts of 512, 256,
-   256 and 128. Averages over a row of texels make that much less: 1.04 is asserted, below 1.3. The
-   parts of k-means are no such parts, which is the planted fault. */
+   or column. Those of a part of n by n texels hold at most 10 pi/2 times 1/n of it (10: the range
+   of the texels, pi/2: of the sine over a row); 16 parts of 512 by 256 texels come from cuts of
+   512, 256, 256 and 128. Averages over a row of texels make that much less: 1.04 is asserted,
+   below 1.3. The parts of k-means are no such parts, which is the planted fault. */
 static void test_equal_energies(void **state) {
     scatter_environment map = open_map(512, 256);
     scatter_light lights[16];
@@ -205,8 +206,8 @@ static double direction_error(const scatter_light *light, const double m[3]) {
     return sqrt(x * x + y * y + z * z);
 }
 
-/* One light stands for all: its direction is the centroid's. Floats of the columns' sines and of the
-   luminance: 1e-6 where the centroid is not near 0. Planted: the centroid without the sine. */
+/* One light stands for all: its direction is the centroid's. Floats of the columns' sines and of
+   the luminance: 1e-6 where the centroid is not near 0. Planted: the centroid without the sine. */
 static void test_centroid(void **state) {
     uint64_t seed;
     int m;
@@ -276,7 +277,8 @@ static double difference(const scatter_light *a, const scatter_light *b, int cou
 }
 
 /* A map moved by whole columns (k-means: cells, here of 2 columns) gives the lights turned, in the
-   same order, to the rounding of the lights and the columns' sines. Planted: turned the other way. */
+   same order, to the rounding of the lights and the columns' sines. Planted: turned the other way.
+ */
 static void test_turned_map(void **state) {
     static const int steps[] = {2, 90, 128, 254};
     scatter_environment map = random_map(256, 128, 9);
@@ -352,16 +354,16 @@ static double sun_energy_error(const scatter_light *light, const integral *sun) 
 }
 
 static const scatter_vec3 sun_places[] = {
-    {0, 0, 1},     {0.02f, 0.3f, 1},       {-0.02f, -0.5f, 1},   {0, 1, 0},  {0, -1, 0},
-    {0.01f, 1, 0}, {-0.013f, -1, -0.004f}, {0.015f, 1, -0.015f}, {0, 0, -1}, {1, 1, 1},
-    {1, 0.05f, 0}, {-1, -2, 0.5f}};
+    {0, 0, 1},  {0.02f, 0.3f, 1}, {-0.02f, -0.5f, 1},     {0, 1, 0},
+    {0, -1, 0}, {0.01f, 1, 0},    {-0.013f, -1, -0.004f}, {0.015f, 1, -0.015f},
+    {0, 0, -1}, {1, 1, 1},        {1, 0.05f, 0},          {-1, -2, 0.5f}};
 
 static scatter_vec3 unit(scatter_vec3 v) {
     return check_along(check_v3(0, 0, 0), (float)(1 / sqrt(check_dot(v, v))), v);
 }
 
-/* 84,000 times the mean of the rest, at the seam, at the poles and elsewhere: the first light is the
-   sun, all of it and nothing else, with the direction of its texels' centroid. Planted: the sun
+/* 84,000 times the mean of the rest, at the seam, at the poles and elsewhere: the first light is
+   the sun, all of it and nothing else, with the direction of its texels' centroid. Planted: the sun
    without its texels on the other side of the seam. */
 static void test_sun(void **state) {
     static const int counts[] = {8, 20, 256};
@@ -438,7 +440,9 @@ static void test_lamp_is_no_sun(void **state) {
     (void)state;
     for (y = 0; y < 128; y++)
         for (x = 0; x < 256; x++) {
-            float l = y >= 60 && y < 68 && x >= 248 ? 1000.0f : y >= 60 && y < 68 && x < 8 ? 1010 : 0;
+            float l = y >= 60 && y < 68 && x >= 248 ? 1000.0f
+                      : y >= 60 && y < 68 && x < 8  ? 1010
+                                                    : 0;
             set_texel(&map, x, y, l, l, l);
         }
     assert_int_equal(scatter_constellation(NULL, &map, methods[0], 16, lights), SCATTER_OK);
@@ -560,10 +564,10 @@ static double phase_error(const scatter_environment *map, const scatter_light *l
                    scatter_phase_value(&phase, (float)check_dot(lights[i].direction, out));
         for (y = 0; y < map->height; y++)
             for (x = 0; x < map->width; x++)
-                truth += 4 * CHECK_PI / map->width * sin(CHECK_PI * (y + 0.5) / map->height) *
-                         sin(CHECK_PI / 2 / map->height) * texel(map, x, y)[1] *
-                         scatter_phase_value(&phase,
-                                             -(float)check_dot(texel_direction(map, x, y), out));
+                truth +=
+                    4 * CHECK_PI / map->width * sin(CHECK_PI * (y + 0.5) / map->height) *
+                    sin(CHECK_PI / 2 / map->height) * texel(map, x, y)[1] *
+                    scatter_phase_value(&phase, -(float)check_dot(texel_direction(map, x, y), out));
         check_add(&e, sum, truth);
     }
     return check_relative_rms(&e);
@@ -586,8 +590,8 @@ static scatter_environment smooth_map(int width, int height, uint64_t seed) {
     return map;
 }
 
-/* Parts shrink as 1/sqrt(n), and a light at the centroid misses the second moment of its part: order
-   1 in n. Planted: lights that stay 4. */
+/* Parts shrink as 1/sqrt(n), and a light at the centroid misses the second moment of its part:
+   order 1 in n. Planted: lights that stay 4. */
 static void test_convergence(void **state) {
     scatter_environment map = smooth_map(128, 64, 4);
     scatter_light lights[MOST];
@@ -616,8 +620,7 @@ static void test_kmeans_loses_less(void **state) {
     size_t c;
     (void)state;
     for (seed = 1; seed <= 6; seed++) {
-        scatter_environment map =
-            seed & 1 ? smooth_map(128, 64, seed) : random_map(150, 64, seed);
+        scatter_environment map = seed & 1 ? smooth_map(128, 64, seed) : random_map(150, 64, seed);
         for (c = seed & 1 ? 0 : 1; c < CHECK_COUNT(counts); c++) { /* halves of noise are alike */
             assert_int_equal(scatter_constellation(NULL, &map, methods[0], counts[c], cut), 0);
             assert_int_equal(scatter_constellation(NULL, &map, methods[1], counts[c], means), 0);
@@ -727,7 +730,8 @@ static void test_allocations(void **state) {
             assert_int_equal(books.live, 0);
         }
         assert_int_equal(books.live, 0);
-        assert_int_equal(tries, 4 + m); /* refined map, tables, luminance, cells: each failed once */
+        assert_int_equal(tries,
+                         4 + m); /* refined map, tables, luminance, cells: each failed once */
     }
     close_map(&map);
 }
