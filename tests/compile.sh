@@ -127,7 +127,7 @@ mixed_languages() {
 
 # ----------------------------------------------------------------- other compilers, machines
 
-M32_SUITES="test_core test_scene test_medium test_depth test_api hard_cases"
+M32_SUITES="test_core test_environment test_scene test_medium test_depth test_api hard_cases"
 
 # No 32-bit libraries are asked of the machine: tests/tiny stands in for cmocka and for the one rule
 # of GSL that pictures need. The linker is told to let the other names be.
