@@ -206,7 +206,7 @@ $(BUILD)/gallery/%.png: $(BUILD)/scenes/%.scatter $(BUILD)/scatter-render | $(BU
 	$(call RENDER,$(BUILD)/scatter-render $< --out $@)
 
 $(SKY_PICTURES): $(BUILD)/gallery/%.png: examples/skies/%.scatter $(BUILD)/scatter-turntable | $(BUILD)/gallery
-	$(call RENDER,$(FRAMES) $(@:.png=) --frames 1 --nodes 64 && mv $(@:.png=)0000.png $@)
+	$(call RENDER,$(FRAMES) $(@:.png=) --frames 1 --nodes 32 && mv $(@:.png=)0000.png $@)
 
 $(TURNING): examples/skies/smoke_venice.scatter $(BUILD)/scatter-turntable | $(BUILD)/gallery
 	$(call RENDER,$(FRAMES) $(@:0000.png=) --frames 12 --size 180x240)
@@ -214,8 +214,10 @@ $(TURNING): examples/skies/smoke_venice.scatter $(BUILD)/scatter-turntable | $(B
 $(BUILD)/scenes/cumulus_27000.scatter: $(BUILD)/scatter-generate | $(BUILD)/scenes
 	$< 27000 >$@
 
-$(BUILD)/gallery/sheet.png: $(BUILD)/scatter-sheet $(PICTURES)
-$(BUILD)/gallery/skies.png: $(BUILD)/scatter-sheet $(SKY_PICTURES)
+# docs/gallery.png and docs/gallery_skies.png are copies of these.
+BALLS = $(BUILD)/gallery/spheres_studio.png
+$(BUILD)/gallery/sheet.png: $(BUILD)/scatter-sheet $(PICTURES) $(BALLS)
+$(BUILD)/gallery/skies.png: $(BUILD)/scatter-sheet $(filter-out $(BALLS),$(SKY_PICTURES))
 $(BUILD)/gallery/sheet.png $(BUILD)/gallery/skies.png:
 	@pictures=$$(ls $(filter %.png,$^) 2>/dev/null); \
 	if [ "$$pictures" ]; then $< $@ $$pictures; else echo "$(@F): skipped: no data"; fi

@@ -115,6 +115,7 @@ static int count_files(char **paths, int count) {
 int main(int count, char **arguments) {
     file_error error;
     sheet s;
+    stbi_write_png_compression_level = 64; /* it is for a web page */
     int used = 0, there = count_files(arguments + 2, count - 2);
     if (count < 3) {
         fputs("usage: scatter-sheet OUT.png IN.png...\n", stderr);
