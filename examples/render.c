@@ -20,6 +20,8 @@ static const char usage[] =
     "  --density METHOD  auto exact volume\n"
     "  --nodes N         per panel of the quadrature, or steps of the march (16)\n"
     "  --grid N          cells along each axis of depth and density volumes (0: as the scene needs)\n"
+    "  --no-distance-map march through empty voxels as well: same picture, more time\n"
+    "  --no-mask         no search for what rays need not look at: same picture, more time\n"
     "  --budget E        1% or 0.01: chooses those five so that the relative RMSE stays below\n"
     "  --threads N       default: one for each processor\n"
     "  --repeat N        measure N times and report medians (1)\n"
@@ -133,10 +135,12 @@ static int takes_value(const char *name) {
 
 /* What an option without a value sets to 1; NULL: it is not one. */
 static int *flag_option(options *o, const char *name) {
-    return strcmp(name, "--json") == 0      ? &o->json
-           : strcmp(name, "--gl") == 0      ? &o->gl
-           : strcmp(name, "--tonemap") == 0 ? &o->tonemap
-                                            : NULL;
+    static const char *const names[] = {"--json", "--gl", "--tonemap", "--no-distance-map",
+                                        "--no-mask"};
+    int *const flags[] = {&o->json, &o->gl, &o->tonemap, &o->quality.no_distance_map,
+                          &o->quality.no_mask};
+    int i = scene_name(names, sizeof names / sizeof *names, name);
+    return i < 0 ? NULL : flags[i];
 }
 
 static int parse_options(int count, char **arguments, options *o) {
@@ -230,6 +234,8 @@ static int plan(options *o, const scene_file *file, host_state *state,
     state->start = now_ms();
     if (scatter_plan(&host, &file->scene, &view, &image, o->budget, &o->forecast) != SCATTER_OK)
         return complain(1, "%s: %s", o->scene, state->sentence);
+    o->forecast.quality.no_distance_map = o->quality.no_distance_map;
+    o->forecast.quality.no_mask = o->quality.no_mask;
     o->quality = o->forecast.quality;
     return 0;
 }

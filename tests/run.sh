@@ -238,6 +238,18 @@ same_frames() { cmp "$SKY/f000$1.png" "$SKY/f000$2.png"; }
 # turned OPTION...: the puff as .pfm.
 turned() { "$OUT/gcc/scatter-render" "$SKY/puff.scatter" --out "$@"; }
 
+# skips_nothing OPTION...: the same picture but for rounding, 1e-6, through other steps.
+skips_nothing() {
+    local options="--ray march --nodes 64" error
+    turned "$SKY/march.pfm" $options || return
+    error=$(turned "$SKY/x.pfm" $options "$@" --reference "$SKY/march.pfm" --json |
+        sed -n 's/.*"rel_rmse": *\([0-9.e+-]*\),.*/\1/p')
+    echo "relative error: $error, above 1e-6"
+    awk -v e="$error" 'BEGIN { exit !(e != "" && e + 0 <= 1e-6) }'
+}
+
+memory() { turned "$SKY/x.pfm" --json "$@" | sed -n 's/.*"bytes": \([0-9]*\).*/\1/p'; }
+
 no_allocations() { cat "$1" && grep -q ' 0 allocations behind frame 2$' "$1"; }
 
 sequence_checks() {
@@ -274,6 +286,11 @@ step_skies() {
     refuse "--rotate-env 90" differ cmp "$SKY/0.pfm" "$SKY/90.pfm"
     check "tone-mapped" turned "$SKY/tone.pfm" --tonemap
     refuse "--tonemap" differ cmp "$SKY/0.pfm" "$SKY/tone.pfm"
+    check "--no-mask" skips_nothing --no-mask
+    check "--no-distance-map" skips_nothing --no-distance-map
+    check "--no-distance-map needs less memory" \
+        test "$(memory --no-distance-map)" -lt "$(memory)"
+    refuse "fewer steps" 'above 1e-6' skips_nothing --nodes 32
     refuse "--rotate-env far" 'expected -1000000 to' turned "$SKY/x.pfm" --rotate-env far
     refuse "no frames" 'expected a scene file, --out and --frames' frames
     refuse "0 frames" 'from 1 to 10000' frames --frames 0
