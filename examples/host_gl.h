@@ -96,7 +96,7 @@ typedef struct host_gl_depth {
 
 /* Zero, or NULL for a pointer to this, is the default. */
 typedef struct host_gl_options {
-    int shadow_map;             /* texels to a side, of cubes half of it; 0: 2048 */
+    int shadow_map;             /* texels to a side, of cubes half of it; 0: 2048, or less */
     const host_gl_depth *depth; /* NULL: the most exact one */
 } host_gl_options;
 
@@ -1096,13 +1096,23 @@ static inline int host_gl_cast_shadows(host_gl *host)
     return host_gl_light_up(host);
 }
 
+/* All shadow maps together take 256 MB at most: those of a sky are many. */
+static inline int host_gl_map_side(size_t lights)
+{
+    int side = 2048;
+    while (side > 16 && (double)side * side * (double)lights > 1 << 26)
+        side /= 2;
+    return side;
+}
+
 static inline int host_gl_open(host_gl *host, scatter_gl_proc (*get)(const char *name),
                                const scene_file *file, int width, int height,
                                const host_gl_options *options)
 {
     memset(host, 0, sizeof *host);
     host->file = file;
-    host->shadow_map = options && options->shadow_map ? options->shadow_map : 2048;
+    host->shadow_map = options && options->shadow_map ? options->shadow_map
+                                                      : host_gl_map_side(file->scene.light_count);
     host->fog_view.width = width;
     host->fog_view.height = height;
     if (host_gl_load(host, get))

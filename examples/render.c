@@ -30,7 +30,7 @@ static const char usage[] =
     "  --gl              through scatter_gl.h, on the GPU that the driver finds\n"
     "  --api NAME        with --gl: gl33 gl45 es30 osmesa (gl33)\n"
     "  --divide N        with --gl: fog at full, half or quarter resolution: 1 2 4 (1)\n"
-    "  --shadow-map N    with --gl: texels to a side, of cubes half of it (2048)\n";
+    "  --shadow-map N    with --gl: texels to a side, of cubes half of it (2048, or less)\n";
 
 /* ----------------------------------------------------------------------------------- >>options */
 
