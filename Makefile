@@ -39,7 +39,7 @@ PREFIX = /usr/local
 VERSION = 0.1.0
 
 PROGRAMS = scatter-render scatter-turntable scatter-minimal scatter-sheet scatter-generate scatter-dump_shaders
-SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan test_environment test_suns hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
+SUITES = test_core test_reference test_scene test_medium test_depth test_ray test_api test_plan test_environment test_suns test_skip hard_cases test_host_gl test_gl_state test_gl_passes test_gl_view test_gl_api
 FUZZERS = fuzz_scene fuzz_descriptors
 HEADERS = scatter.h scatter_gl.h
 

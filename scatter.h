@@ -2246,25 +2246,20 @@ static int scatteri_cut_segment(scatteri_segment *s, scatter_box box)
     return 1;
 }
 
-/* How far around voxel coordinates g, above -1, the field is certainly 0, m; -1: not known, 0: only in the cell of voxel
-   centres that g is in. */
-SCATTERI_FN double scatteri_free_at(const scatteri_field *field, const double *g)
+/* How far around voxel coordinates g, above -1, the field is certainly 0, m; not > 0: not known. */
+SCATTERI_FN float scatteri_clear_at(const scatteri_field *field, const double *g)
 {
     const scatter_grid *grid = &field->grid;
     const int i = scatteri_clamp_int((int)(g[0] + 0.5), 0, grid->nx - 1);
     const int j = scatteri_clamp_int((int)(g[1] + 0.5), 0, grid->ny - 1);
     const int k = scatteri_clamp_int((int)(g[2] + 0.5), 0, grid->nz - 1);
-    unsigned known;
-    float x, y, z;
-    if (field->distances == NULL)
-        return -1.0;
-    known = field->distances[((size_t)k * (size_t)grid->ny + (size_t)j) * (size_t)grid->nx + (size_t)i];
-    if (known == 0)
-        return -1.0;
-    x = (float)(g[0] - (double)i) * field->edge.x;
-    y = (float)(g[1] - (double)j) * field->edge.y;
-    z = (float)(g[2] - (double)k) * field->edge.z;
-    return scatteri_larger((double)((float)known * field->unit - scatteri_length(scatteri_v3(x, y, z))), 0.0);
+    const size_t row = (size_t)k * (size_t)grid->ny + (size_t)j;
+    const scatter_vec3 off = scatteri_v3((float)(g[0] - (double)i), (float)(g[1] - (double)j),
+                                         (float)(g[2] - (double)k));
+    if (field->distances == NULL || field->distances[row * (size_t)grid->nx + (size_t)i] == 0)
+        return 0.0f;
+    return (float)field->distances[row * (size_t)grid->nx + (size_t)i] * field->unit -
+           scatteri_length(scatteri_mul(off, field->edge));
 }
 
 /* A segment on its way through the voxels, whose centres lie at whole numbers. */
@@ -2360,6 +2355,26 @@ SCATTERI_FN void scatteri_begin_walk(const scatteri_field *field, const scatteri
     scatteri_find_planes(walk, 0.0);
 }
 
+/* Goes on from t as far as the field is certainly 0. */
+SCATTERI_FN double scatteri_pass_empty(const scatteri_field *field, scatteri_walk *walk, double t,
+                                       double end)
+{
+    const scatter_vec3 edge = field->edge;
+    const float least = 0.5f * scatteri_min(edge.x, scatteri_min(edge.y, edge.z));
+    const double start = t;
+    float clear = 1.0f;
+    while (t < end && clear > 0.0f) {
+        const double g[3] = {walk->g[0] + t * walk->dg[0], walk->g[1] + t * walk->dg[1],
+                             walk->g[2] + t * walk->dg[2]};
+        clear = scatteri_clear_at(field, g);
+        clear = clear > least ? clear : 0.0f;
+        t += (double)clear;
+    }
+    if (t > start && t < end)
+        scatteri_find_planes(walk, t);
+    return t;
+}
+
 /* Integral of the field over the segment, exact. Empty cells add 0 exactly, so that passing them changes no bit; the map
    is asked behind an empty cell only. Adds the cells that were not passed to *cells. */
 SCATTERI_HOT static float scatteri_field_depth(const scatteri_field *field, scatteri_segment s,
@@ -2371,20 +2386,20 @@ SCATTERI_HOT static float scatteri_field_depth(const scatteri_field *field, scat
         return 0.0f;
     scatteri_begin_walk(field, &s, &walk);
     while (t < s.length) {
-        const double next = scatteri_smaller(s.length, scatteri_first_plane(&walk));
-        const double middle = 0.5 * (t + next);
-        const double g[3] = {walk.g[0] + middle * walk.dg[0], walk.g[1] + middle * walk.dg[1],
-                             walk.g[2] + middle * walk.dg[2]};
-        const double clear = mean > 0.0 ? -1.0 : scatteri_free_at(field, g);
-        if (clear < 0.0) {
-            mean = scatteri_cell_mean(&field->grid, &walk, g, 0.5 * (next - t));
-            sum += (next - t) * mean;
-            ++*cells;
-        }
-        if (middle + clear > next)
-            scatteri_find_planes(&walk, t = middle + clear);
-        else
-            scatteri_pass_planes(&walk, t = next);
+        double next, middle[3];
+        int i;
+        if (!(mean > 0.0) && field->distances != NULL)
+            t = scatteri_pass_empty(field, &walk, t, s.length);
+        if (t >= s.length)
+            break;
+        next = scatteri_smaller(s.length, scatteri_first_plane(&walk));
+        for (i = 0; i < 3; i++)
+            middle[i] = walk.g[i] + 0.5 * (t + next) * walk.dg[i];
+        mean = scatteri_cell_mean(&field->grid, &walk, middle, 0.5 * (next - t));
+        sum += (next - t) * mean;
+        ++*cells;
+        t = next;
+        scatteri_pass_planes(&walk, t);
     }
     return field->scale * (float)sum;
 }
@@ -4091,8 +4106,8 @@ static int scatteri_steps_ahead(const scatteri_field *field, scatter_vec3 from,
     const scatter_vec3 x =
         scatteri_voxel_coordinates(field, scatteri_along(from, direction, t));
     const double g[3] = {(double)x.x, (double)x.y, (double)x.z};
-    const double clear = scatteri_free_at(field, g);
-    return clear > 0.0 ? 1 + (int)scatteri_smaller(clear / (double)step, 1e6) : 0;
+    const float clear = scatteri_clear_at(field, g);
+    return clear > 0.0f ? 1 + (int)scatteri_min(clear / step, 1e6f) : 0;
 }
 
 /* Steps of one cell from the cell to the source through the injected density: a shadow ray for each cell. */
@@ -9169,7 +9184,9 @@ static scatteri_trim scatteri_trim_of(const scatteri_medium *medium, const scatt
     const float sharp = scatteri_log(scatteri_max(0.4f * peak, 1.0f));
     const float few = scatteri_clamp(13.0f - 0.5f * (float)quality->nodes, 0.0f, 8.0f);
     scatteri_trim trim;
-    trim.rays = quality->ray == SCATTER_RAY_QUADRATURE ? scatteri_max(few - dense - sharp, 0.0f) : 0.0f;
+    trim.rays = scatteri_max(few - dense - sharp, 0.0f);
+    if (quality->ray == SCATTER_RAY_MARCH)
+        trim.rays = -4.0f; /* its mask must not be seen in the image: e^-18 */
     trim.depth = scatteri_max(trim.rays - 4.5f, 0.0f);
     return trim;
 }
