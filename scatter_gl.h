@@ -3195,9 +3195,6 @@ static const scatteri_gl_pass scatteri_gl_passes[] = {
      SCATTERI_GL_HAS(GAUSSIANS) | SCATTERI_GL_HAS(FIELD) | SCATTERI_GL_HAS(BOUNDED)},
     {"wave", "prelude blocks waves wave_quad", "prelude blocks waves cells wave", 0},
     {"merge", "prelude whole", "prelude blocks waves slices merge", 0},
-    {"logs", "prelude whole", "prelude tone photographic before picture blocks_of_8", 0},
-    {"sums", "prelude whole", "prelude before logs blocks_of_8", 0},
-    {"tone", "prelude whole", "prelude tone photographic before tone_picture", 0},
     {"distance", "prelude whole", "prelude blocks density nearest slices distance",
      SCATTERI_GL_HAS(FIELD)},
     {"spaced", "prelude whole", "prelude blocks nearest slices spaced", 0},
@@ -3205,6 +3202,9 @@ static const scatteri_gl_pass scatteri_gl_passes[] = {
      "prelude vector erf span integrals blocks density rays own_target camera eye masked ends mask",
      SCATTERI_GL_HAS(FIELD) | SCATTERI_GL_HAS(FOG) | SCATTERI_GL_HAS(BOUNDED) |
          SCATTERI_GL_HAS(DISTANCE)},
+    {"logs", "prelude whole", "prelude tone photographic before picture blocks_of_8", 0},
+    {"sums", "prelude whole", "prelude before logs blocks_of_8", 0},
+    {"tone", "prelude whole", "prelude tone photographic before tone_picture", 0},
 };
 
 static const struct {
@@ -4737,6 +4737,29 @@ static scatter_result scatteri_gl_update_distance(scatter_gl *f)
     return result;
 }
 
+/* Columns along a directional light, in a frame of its own: one that reads them needs one fetch. */
+static void scatteri_gl_lay_columns(scatter_depth *d, int n)
+{
+    float high_u = -SCATTERI_FAR, high_v = -SCATTERI_FAR, high_r = -SCATTERI_FAR;
+    int i;
+    scatteri_polar_frame(d, d->source.direction);
+    if (d->medium->desc.grid_count > 0)
+        d->nx = d->ny = n;
+    d->low_u = d->low_v = d->low_r = SCATTERI_FAR;
+    for (i = 0; i < 8; i++) {
+        const scatter_vec3 x = scatteri_sub(scatteri_corner(d->box, i), d->box.min);
+        const float u = scatteri_dot(x, d->axis_u), v = scatteri_dot(x, d->axis_v),
+                    r = scatteri_dot(x, d->axis_w);
+        d->low_u = scatteri_min(d->low_u, u);
+        d->low_v = scatteri_min(d->low_v, v);
+        d->low_r = scatteri_min(d->low_r, r);
+        high_u = scatteri_max(high_u, u);
+        high_v = scatteri_max(high_v, v);
+        high_r = scatteri_max(high_r, r);
+    }
+    scatteri_polar_steps(d, high_u, high_v, high_r);
+}
+
 /* Where the cells or columns of a source lie. */
 static void scatteri_gl_lay_out(scatter_gl *f, scatteri_gl_lamp *lamp)
 {
@@ -4748,6 +4771,8 @@ static void scatteri_gl_lay_out(scatter_gl *f, scatteri_gl_lamp *lamp)
     if (!f->medium.has_local || d->method == SCATTER_DEPTH_CLOSED)
         return;
     scatteri_lay_out(d, f->quality.grid);
+    if (scatteri_on_lattice(d->method, &d->source))
+        scatteri_gl_lay_columns(d, f->quality.grid);
     d->at_source =
         d->source.directional ? 0.0f : scatteri_local_density(&f->medium, d->source.position);
 }

@@ -200,13 +200,76 @@ static void fill_single_columns(scatter_depth *d) {
     free(work);
 }
 
-/* Depth of one source by scatter.h. */
+/* Column (i, j) of a source, as 16 times the same ray; parallel ones count from where they begin. */
+static void column_of(const scatter_depth *d, int i, int j, scatteri_rays *rays) {
+    const float u = d->low_u + (float)i * d->step_u, v = d->low_v + (float)j * d->step_v;
+    const scatter_vec3 o = scatteri_add(
+        scatteri_scale(d->axis_w, d->low_r),
+        scatteri_add(scatteri_scale(d->axis_u, u), scatteri_scale(d->axis_v, v)));
+    int l;
+    if (!d->source.directional) {
+        scatteri_columns(d, i, j, rays);
+        return;
+    }
+    rays->ref = d->box.min;
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        scatteri_set_ray(rays, l, scatteri_add(rays->ref, o), d->axis_w, SCATTERI_FAR);
+        rays->t1[l] = (float)(d->nz - 1) * d->step_r;
+    }
+}
+
+/* Depth along a parallel column: Gaussians in closed form, grids in the steps of polar columns. */
+static void fill_parallel_column(scatter_depth *d, int i, int j) {
+    scatter_medium smooth = d->medium->desc;
+    float last[SCATTERI_LANES], here[SCATTERI_LANES], running[SCATTERI_LANES] = {0}, t0 = 0, t1;
+    scatter_vec3 from, w = d->axis_w;
+    scatteri_rays rays;
+    int k, l;
+    column_of(d, i, j, &rays);
+    from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
+    t1 = rays.t1[0];
+    if (!scatteri_bounded(&d->medium->desc, from, w, &t0, &t1))
+        t0 = t1 = 0;
+    smooth.grid_count = 0;
+    for (l = 0; l < SCATTERI_LANES; l++)
+        last[l] = t0;
+    for (k = 0; k < d->nz; k++) {
+        const float r = (float)k * d->step_r;
+        for (l = 0; l < SCATTERI_LANES; l++)
+            here[l] = scatteri_clamp(r, t0, t1);
+        if (d->medium->desc.grid_count > 0)
+            scatteri_sum_fields(d, &rays, last, here, running);
+        memcpy(last, here, sizeof last);
+        d->values[scatteri_cell_index(d, i, j, k)] =
+            running[0] + scatter_optical_depth(&smooth, from, scatteri_along(from, w, r));
+    }
+}
+
+/* A directional source has parallel columns on the GPU. */
+static void fill_parallel_columns(scatter_depth *d, int n) {
+    int i, j;
+    scatteri_lay_out(d, n);
+    scatteri_gl_lay_columns(d, n);
+    assert_int_equal(scatteri_reserve(&d->host, &d->memory,
+                                      scatteri_bytes((size_t)d->nx, (size_t)d->ny, (size_t)d->nz,
+                                                     sizeof(float)),
+                                      "columns"),
+                     SCATTER_OK);
+    d->values = (float *)d->memory.data;
+    for (j = 0; j < d->ny; j++)
+        for (i = 0; i < d->nx; i++)
+            fill_parallel_column(d, i, j);
+}
+
+/* Depth of one source by scatter.h, where the GPU has it. */
 static scatter_depth *depth_twin(const scatter_medium *m, scatter_source source,
                                  const scatter_quality *q) {
     scatter_depth *depth = NULL;
     assert_int_equal(scatter_depth_create(NULL, &depth), SCATTER_OK);
     assert_int_equal(scatter_depth_update(depth, m, &source, q), SCATTER_OK);
-    if (q->depth == SCATTER_DEPTH_POLAR && m->grid_count > 0)
+    if (scatteri_on_lattice(q->depth, &source))
+        fill_parallel_columns(depth, q->grid);
+    else if (q->depth == SCATTER_DEPTH_POLAR && m->grid_count > 0)
         fill_single_columns(depth);
     return depth;
 }
@@ -232,7 +295,7 @@ static int grazes(const scatter_depth *twin, int i, int j) {
     int a, b;
     if (!m->bounded || twin->method != SCATTER_DEPTH_POLAR)
         return 0;
-    scatteri_columns(twin, i, j, &rays);
+    column_of(twin, i, j, &rays);
     from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
     a1 = b1 = rays.t1[0];
     small.min = scatteri_add(small.min, grain);
@@ -440,7 +503,7 @@ static double column_error(const scatteri_gl_texture *t, const float *values, in
                 const double along = (double)k * (double)twin->step_r;
                 scatteri_rays rays;
                 scatter_vec3 from, to;
-                scatteri_columns(twin, i, j, &rays);
+                column_of(twin, i, j, &rays);
                 from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
                 to = scatteri_along(from, scatteri_ray_direction(&rays, 0), (float)(start + along));
                 check_add(&e,
@@ -504,7 +567,10 @@ static double volume_column_error(const scatteri_gl_texture *t, const float *val
     memset(&medium, 0, sizeof medium);
     assert_int_equal(scatteri_prepare(&host, &medium, &desc), SCATTER_OK);
     twin->medium = &medium;
-    fill_single_columns(twin);
+    if (twin->source.directional)
+        fill_parallel_columns(twin, q->grid);
+    else
+        fill_single_columns(twin);
     error = channel_error(t, values, channel, twin, RIGHT);
     twin->medium = &twin->own;
     scatter_depth_destroy(twin);
