@@ -1807,17 +1807,18 @@ static const char scatteri_gl_distance[] =
     "}\n";
 
 /* Along z; density, and what is stored of the distance d: read between voxels, sqrt(d^2 - |edges|^2/4) is nowhere
-   above the distance there. Rounded down where 16 bits hold it (scatteri_at.y). */
+   above the distance there (proof: scatter.h, "distance map"; edges of axes with one voxel do not count). Rounded down where 16 bits hold it (scatteri_at.y). */
 static const char scatteri_gl_spaced[] =
     "uniform highp sampler3D scatteri_field;\n"
     "void main() {\n"
     "    vec4 values[SCATTERI_SLICES];\n"
     "    ivec3 size = textureSize(scatteri_field, 0);\n"
     "    vec3 edges = scatteri_edges(vec3(size));\n"
+    "    vec3 between = edges * vec3(greaterThan(size, ivec3(1)));\n"
     "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
     "        ivec3 p = ivec3(gl_FragCoord.xy, min(scatteri_at.x + s, size.z - 1));\n"
     "        float least = scatteri_nearest(p, ivec3(0, 0, 1), size.z, edges.z);\n"
-    "        float room = min(sqrt(max(least - 0.25 * dot(edges, edges), 0.0)), 4096.0);\n"
+    "        float room = min(sqrt(max(least - 0.25 * dot(between, between), 0.0)), 4096.0);\n"
     "        room *= scatteri_at.y > 0 ? 1.0 - 1.0 / 1024.0 : 1.0;\n"
     "        values[s] = vec4(texelFetch(scatteri_field, p, 0).x, room, 0.0, 0.0);\n"
     "    }\n"
@@ -2719,7 +2720,9 @@ static const char scatteri_gl_march[] =
     "#ifdef SCATTERI_FOG\n"
     "        density += scatteri_fog_density(x);\n"
     "#endif\n"
-    "        if (density > 0.0)\n"
+    "#if !defined(SCATTERI_FIELD) || defined(SCATTERI_DISTANCE)\n"
+    "        if (density > 0.0) /* without a distance map as in the papers: everywhere */\n"
+    "#endif\n"
     "            scatteri_all_lights(t, h, 0.0, density, run + 0.5 * h * density);\n"
     "        run += h * density;\n"
     "#ifdef SCATTERI_VOXELS_ONLY\n"
@@ -4537,7 +4540,7 @@ static int scatteri_gl_casts_rays(const scatter_gl *f)
 /* Whether rays jump over empty voxels. */
 static int scatteri_gl_jumps(const scatter_gl *f)
 {
-    return f->density != NULL && !f->quality.no_distance_map && f->can_draw_float &&
+    return f->density != NULL && !f->quality.no_distance_map &&
            (f->quality.ray == SCATTER_RAY_MARCH || scatteri_gl_casts_rays(f));
 }
 
@@ -6508,6 +6511,49 @@ static scatter_result scatteri_gl_send_grids(scatter_gl *f)
     return result;
 }
 
+/* Rows of a layer of the grid into f->spaced: density and distance in turn, as many as there is room for. */
+static void scatteri_gl_send_spaced_rows(scatter_gl *f, const scatteri_field *field, int k, int j,
+                                         int rows)
+{
+    const scatter_grid *g = &field->grid;
+    const size_t n = (size_t)g->nx * (size_t)rows;
+    const size_t first = ((size_t)k * (size_t)g->ny + (size_t)j) * (size_t)g->nx;
+    const float most = scatteri_max(field->edge.x, scatteri_max(field->edge.y, field->edge.z));
+    const int half = f->spaced.format == SCATTERI_GL_RG16F;
+    const float unit = field->unit / most * (half ? 1.0f - 1.0f / 1024.0f : 1.0f);
+    size_t i;
+    for (i = 0; i < n; i++) {
+        f->scratch[2 * i] = g->density[first + i];
+        f->scratch[2 * i + 1] = (float)field->distances[first + i] * unit;
+    }
+    f->gl.TexSubImage3D(SCATTERI_GL_TEXTURE_3D, 0, 0, j, k, g->nx, rows, 1, SCATTERI_GL_RG,
+                        SCATTERI_GL_FLOAT, f->scratch);
+}
+
+/* The distance map of the only grid, by the CPU: while its voxels are at hand, and where passes cannot draw it. */
+static scatter_result scatteri_gl_send_distance(scatter_gl *f)
+{
+    const scatteri_field *field = &f->medium.fields[0];
+    const scatter_grid *g = &field->grid;
+    const int half = scatteri_gl_field_format(f) == SCATTERI_GL_R16F;
+    const int most = scatteri_clamp_int((int)(f->scratch_floats / (2 * (size_t)g->nx)), 1, g->ny);
+    scatter_result result = scatteri_map_medium(&f->host, &f->medium);
+    int j, k;
+    if (result == SCATTER_OK)
+        result = scatteri_gl_size_texture(
+            f, &f->spaced, half ? SCATTERI_GL_RG16F : SCATTERI_GL_RG32F, g->nx, g->ny, g->nz);
+    if (result != SCATTER_OK)
+        return result;
+    scatteri_gl_bind(f, SCATTERI_GL_UNIT_BEFORE, SCATTERI_GL_TEXTURE_3D, f->spaced.name, 0);
+    for (k = 0; k < g->nz; k++)
+        for (j = 0; j < g->ny; j += most)
+            scatteri_gl_send_spaced_rows(f, field, k, j, g->ny - j < most ? g->ny - j : most);
+    f->spaced_of = &f->grids[0];
+    f->spaced_version = f->medium_version;
+    f->stats.distance_maps++;
+    return SCATTER_OK;
+}
+
 /* What changes with density: tables, voxels and everything that is filled from them. */
 static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medium *medium)
 {
@@ -6526,6 +6572,8 @@ static scatter_result scatteri_gl_take_density(scatter_gl *f, const scatter_medi
     scatteri_gl_save(f, &state);
     scatteri_gl_send_gaussians(f);
     result = scatteri_gl_send_grids(f);
+    if (result == SCATTER_OK && f->medium.desc.grid_count == 1 && !f->can_draw_float)
+        result = scatteri_gl_send_distance(f);
     scatteri_gl_restore(f, &state);
     f->has_medium = result == SCATTER_OK;
     return result;

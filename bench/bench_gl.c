@@ -19,12 +19,14 @@
 #include "gl_limits.h"
 #include "gl_settings.h"
 #include "gl_shadow.h"
+#include "gl_skip.h"
 #include "program.h"
 #include <ctype.h>
 
 /* `fronts` comes last: it draws the points that the others have written. */
 static const benchmark benchmarks[] = {
     {"shadow", gl_shadow_run, NULL, LEVEL_TEST},     /* against a shader with shadow rays */
+    {"skip", gl_skip_run, NULL, LEVEL_TEST},         /* empty space: the paper's table */
     {"settings", gl_settings_run, NULL, LEVEL_TEST}, /* every method, nodes and cells */
     {"frames", gl_frames_run, NULL, LEVEL_TEST},     /* update and view at the usual sizes */
     {"costs", gl_costs_run, NULL, LEVEL_TEST},       /* of lights, Gaussians, formats */

@@ -1163,6 +1163,29 @@ static void test_wrong_distance(gl_rig *rig) {
     scatter_gl_destroy(fog);
 }
 
+/* Where passes cannot draw it, scatter.h makes the map: in steps of 1/65535 of the diagonal, one less than it is. */
+static void test_distance_by_processor(gl_rig *rig) {
+    const scatter_box box = {{-1, 2, 0}, {0.7f, 2.2f, 5}};
+    const scatter_vec3 edge = edges_of(&box);
+    const double step = (double)scatteri_length(scatteri_sub(box.max, box.min)) / 65535 / (double)edge.z;
+    int half;
+    for (half = 0; half < 2; half++) {
+        scatter_gl *fog = open_fog(rig, half);
+        double below, above;
+        check_world w;
+        float *values;
+        fog->can_draw_float = 0;
+        open_rare_voxels(&w, box, 50, 3);
+        values = distance_of_grid(rig, fog, &w);
+        distance_errors(&w, &fog->spaced, values, NEAR_RIGHT, &below, &above);
+        assert_at_most(above, 0.0);
+        assert_at_most(below, 2 * step + (half ? 0x1p-9 : 0.0));
+        assert_int_equal(scatter_gl_get_stats(fog).distance_maps, 1);
+        free(values);
+        scatter_gl_destroy(fog);
+    }
+}
+
 /* Made again when voxels change, and only then; of an injected field, too. */
 static void test_distance_is_kept(gl_rig *rig) {
     scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_EXACT, 0);
@@ -1214,6 +1237,7 @@ int main(void) {
                                     {"tone mapping in a window", test_tone_window},
                                     {"distance to density", test_distance},
                                     {"wrong distances are seen", test_wrong_distance},
+                                    {"distances by the processor", test_distance_by_processor},
                                     {"the distance map is kept", test_distance_is_kept}};
     return gl_rig_run_all(cases, CHECK_COUNT(cases));
 }
