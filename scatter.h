@@ -1964,7 +1964,7 @@ static void scatteri_move_centers(const scatteri_cells *c, scatteri_centers *cen
     }
     for (k = 0; k < center->count; k++) {
         const double *s = sum[k], length = scatteri_length3(s);
-        const int moves = length > 1e-6 * s[3];
+        const int moves = length > 0.0;
         if (!(s[3] > 0.0))
             continue;
         center->x[n] = moves ? (float)(s[0] / length) : center->x[k];

@@ -196,6 +196,34 @@ static void test_equal_energies(void **state) {
     close_map(&map);
 }
 
+/* Azimuth between the first two lights. */
+static double azimuth_between(const scatter_light *lights) {
+    scatter_vec3 a = lights[0].direction, b = lights[1].direction;
+    return fabs(
+        atan2((double)a.x * b.z - (double)a.z * b.x, (double)a.x * b.x + (double)a.z * b.z));
+}
+
+/* 60 degrees of azimuth by 14 degrees: near the pole that is higher than wide and the cut is
+   horizontal, half way down (planted) it is vertical and the halves lie 30 degrees apart. */
+static void test_longer_side(void **state) {
+    static const int top[] = {0, 32};
+    double turn[2];
+    int i, x, y;
+    (void)state;
+    for (i = 0; i < 2; i++) {
+        scatter_environment map = open_map(256, 128);
+        scatter_light lights[2];
+        for (y = top[i]; y < top[i] + 10; y++)
+            for (x = 100; x < 143; x++)
+                set_texel(&map, x, y, 1, 1, 1);
+        assert_int_equal(scatter_constellation(NULL, &map, methods[0], 2, lights), SCATTER_OK);
+        turn[i] = azimuth_between(lights);
+        close_map(&map);
+    }
+    assert_at_most(turn[0], 0.01);
+    assert_at_least(turn[1], 0.5);
+}
+
 /* --------------------------------------------------- >>directions */
 
 /* Distance of a light's direction from that of a moment: where its light comes from. */
@@ -700,6 +728,8 @@ static void test_refusals(void **state) {
     bad = map;
     bad.scale = NAN;
     assert_true(refuses(&bad, 0, 20, lights, SCATTER_BAD_ARGUMENT, "map.scale"));
+    bad.scale = -1;
+    assert_true(refuses(&bad, 0, 20, lights, SCATTER_BAD_ARGUMENT, "map.scale"));
     for (i = 0; i < 3; i++) {
         texel(&map, 70, 30)[1] = spoilt[i];
         assert_true(refuses(&map, i & 1, 20, lights, SCATTER_BAD_ARGUMENT, "column 70 of row 30"));
@@ -788,6 +818,7 @@ int main(void) {
         cmocka_unit_test(test_energy_of_every_count),
         cmocka_unit_test(test_energy_planted),
         cmocka_unit_test(test_equal_energies),
+        cmocka_unit_test(test_longer_side),
         cmocka_unit_test(test_centroid),
         cmocka_unit_test(test_hemisphere),
         cmocka_unit_test(test_turned_map),
