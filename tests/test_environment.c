@@ -789,6 +789,30 @@ static void test_radiance_at_centres(void **state) {
     close_map(&map);
 }
 
+/* Half way between two texels, across the seam and across rows, it is their mean; at the poles what
+   the outermost row says. */
+static void test_radiance_between(void **state) {
+    scatter_environment map = random_map(37, 20, 3);
+    int y;
+    (void)state;
+    for (y = 0; y < 19; y++) {
+        double theta = CHECK_PI * (y + 0.5) / 20, below = CHECK_PI * (y + 1) / 20;
+        scatter_vec3 seam = check_v3(0, (float)cos(theta), (float)sin(theta));
+        scatter_vec3 rows = check_v3(0, (float)cos(below), (float)-sin(below));
+        double side = 0.5 * texel(&map, 0, y)[0] + 0.5 * texel(&map, 36, y)[0];
+        double mean = 0.5 * texel(&map, 18, y)[0] + 0.5 * texel(&map, 18, y + 1)[0];
+        assert_at_most(fabs(scatter_environment_radiance(&map, seam).x - side), 1e-5);
+        assert_at_most(fabs(scatter_environment_radiance(&map, rows).x - mean), 1e-5);
+    }
+    assert_at_most(
+        fabs(scatter_environment_radiance(&map, check_v3(0, 9, -1e-6f)).x - texel(&map, 18, 0)[0]),
+        0);
+    assert_at_most(fabs(scatter_environment_radiance(&map, check_v3(0, -9, -1e-6f)).x -
+                        texel(&map, 18, 19)[0]),
+                   0);
+    close_map(&map);
+}
+
 static void assert_direction(scatter_vec3 d, float x, float y, float z) {
     assert_at_most(check_distance(d, check_v3(x, y, z)), 1e-6);
 }
@@ -837,6 +861,7 @@ int main(void) {
         cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_allocations),
         cmocka_unit_test(test_radiance_at_centres),
+        cmocka_unit_test(test_radiance_between),
         cmocka_unit_test(test_turn_by_a_right_angle),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
