@@ -217,15 +217,16 @@ typedef struct scatter_surface {
     float shininess;       /* >= 0 */
 } scatter_surface;
 
-/* What surrounds a scene, infinitely far away, as a latitude-longitude map: row 0 looks up (+y), the
-   middle column along -z, the columns to its right towards +x. */
+/* What surrounds a scene, infinitely far away, as a latitude-longitude map: row 0 looks up (+y),
+   the middle column along -z, the columns to its right towards +x. */
 typedef struct scatter_environment {
     const float *rgb; /* width*height*3, radiance, W/(m2 sr), linear, 0..1e12 */
     int width, height; /* 1..65536 */
     float scale;       /* of the radiance, 0..1e4; 0: 1 */
 } scatter_environment;
 
-/* How an environment becomes directional lights. Both take suns out first. */
+/* How an environment becomes directional lights; both take suns out first. With k-means the same
+   number of lights has less error (docs/report.md, Skies). */
 typedef enum scatter_constellation_method {
     SCATTER_CONSTELLATION_MEDIAN_CUT = 0, /* Debevec 2005: parts of equal energy */
     SCATTER_CONSTELLATION_KMEANS          /* Kollig and Keller 2003: least energy times distance */
@@ -399,29 +400,31 @@ SCATTER_API scatter_result scatter_depth_update(scatter_depth *depth, const scat
 /* Optical depth between the source and x, m (times density). */
 SCATTER_API float scatter_depth_at(const scatter_depth *depth, scatter_vec3 x);
 
-/* `count` (1..256) directional lights that stand for an environment. Each gets a part of the map: its
-   intensity is the integral of the radiance over the part's solid angle, its direction the centroid by
-   luminance. So the intensities add up to the integral of the map, whatever the count. A sun (within
-   2 degrees at least as much light as each other light gets) becomes a light of its own, first in the
-   list. Lights that nothing is left for are black and shine down.
-   Moving the map by whole columns turns the lights of the median cut; those of k-means, too, by whole
-   cells (1/128 of the width). Allocates, and releases again, 4 bytes per texel (16 in maps of less
-   than 128 by 64, which are cut finer first), 0.3 MB for k-means, and tables of rows and columns.
-   O(texels log count), on the calling thread; times are in docs/report.md. `host` may be NULL. On
-   failure `lights` stay as they are. */
-SCATTER_API scatter_result scatter_constellation(const scatter_host *host, const scatter_environment *map,
+/* `count` (1..256) directional lights that stand for an environment. Each gets a part of the map:
+   its intensity is the integral of the radiance over the part's solid angle, its direction the
+   centroid by luminance. So the intensities add up to the integral of the map, whatever the count.
+   A sun (within 2 degrees at least as much light as each other light gets) becomes a light of its
+   own, first in the list. Lights that nothing is left for are black and shine down.
+   Moving the map by whole columns turns the lights of the median cut; those of k-means, too, by
+   whole cells (1/128 of the width). Allocates, and releases again, 4 bytes per texel (16 in maps
+   of less than 128 by 64, which are cut finer first), 0.3 MB for k-means, and tables of rows and
+   columns. O(texels log count), on the calling thread; times are in docs/report.md. `host` may be
+   NULL. On failure `lights` stay as they are. */
+SCATTER_API scatter_result scatter_constellation(const scatter_host *host,
+                                                 const scatter_environment *map,
                                                  scatter_constellation_method method, int count,
                                                  scatter_light *lights);
 
 /* The lights turned about an axis through the origin (any length; 0: not turned) by `angle`, rad,
-   right-handed: their directions, and the positions of point and spot lights. So a sky turns without
-   a new constellation. `turned` may be `lights`. */
-SCATTER_API void scatter_turn_lights(const scatter_light *lights, size_t count, scatter_vec3 axis, float angle,
-                                     scatter_light *turned);
+   right-handed: their directions, and the positions of point and spot lights. So a sky turns
+   without a new constellation. `turned` may be `lights`. */
+SCATTER_API void scatter_turn_lights(const scatter_light *lights, size_t count, scatter_vec3 axis,
+                                     float angle, scatter_light *turned);
 
-/* Radiance that comes from where `direction` (any length but 0) looks to, W/(m2 sr): bilinear between
-   the centres of texels, around the seam, constant from the outermost rows to the poles. */
-SCATTER_API scatter_vec3 scatter_environment_radiance(const scatter_environment *map, scatter_vec3 direction);
+/* Radiance that comes from where `direction` (any length but 0) looks to, W/(m2 sr): bilinear
+   between the centres of texels, around the seam, constant beyond the outermost rows. */
+SCATTER_API scatter_vec3 scatter_environment_radiance(const scatter_environment *map,
+                                                      scatter_vec3 direction);
 
 /* A context holds one scene, prepared for rays. `host` may be NULL and is copied. */
 SCATTER_API scatter_result scatter_create(const scatter_host *host, scatter_context **context);
@@ -482,8 +485,8 @@ template <class V> inline scatter_vec3 scatter_v3(const V &v)
 
 /* ========================================================================================== IMPLEMENTATION
    Data flows one way through the chapters:
-   core -> log -> memory -> environment -> medium -> depth -> source -> ray -> image -> validation ->
-   plan -> public. */
+   core -> log -> memory -> environment -> medium -> depth -> source -> ray -> image ->
+   validation -> plan -> public. */
 #ifdef SCATTER_IMPLEMENTATION
 #ifndef SCATTER_IMPLEMENTED
 #define SCATTER_IMPLEMENTED
@@ -1983,7 +1986,7 @@ static void scatteri_relax(const scatteri_cells *c, scatteri_centers *center, in
     scatteri_find_owners(c, center);
 }
 
-/* What a cell loses by its centre's direction: energy times 1 - cos, if it is more than rounding. */
+/* What a cell loses by its centre's direction: energy times 1 - cos, if more than rounding. */
 static float scatteri_cell_loss(const scatteri_cells *c, int i)
 {
     const float loss = c->size[i] - c->best[i];
@@ -2030,8 +2033,8 @@ static void scatteri_add_cell(const scatteri_cells *c, int i, scatteri_part *par
     part->moment[0] += c->x[i], part->moment[1] += c->y[i], part->moment[2] += c->z[i];
 }
 
-/* Kollig and Keller's way: lights are put where most is lost, at most one into each light's share at
-   a time, and relaxed by Lloyd steps, until there are enough. */
+/* Kollig and Keller's way: lights are put where most is lost, at most one into each light's share
+   at a time, and relaxed by Lloyd steps, until there are enough. */
 static void scatteri_kmeans(scatteri_sky *sky, int count, scatter_light *lights)
 {
     const scatteri_cells *c = &sky->cells;

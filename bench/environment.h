@@ -102,7 +102,7 @@ static void env_times(report *r)
             continue;
         worst = worse_of(env_time_rows(r, hdr_names[i], &map), worst);
         if (i == 0) {
-            large = env_enlarged(&map, by_level(1100, ENV_LARGE, ENV_LARGE));
+            large = env_enlarged(&map, by_level(1100, 2048, ENV_LARGE));
             env_time_rows(r, hdr_names[i], &large);
             free((void *)(uintptr_t)large.rgb);
         }
