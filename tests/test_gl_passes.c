@@ -704,6 +704,34 @@ static float *read_points(gl_rig *rig, scatter_gl *fog, const char *what) {
     return values;
 }
 
+/* Of a value between the ends of an axis: cell and fraction. */
+static double fraction_of(double at, int n, int *cell) {
+    const double g = fmin(fmax(at, 0), n - 1);
+    *cell = (int)fmin(g, n - 2);
+    return g - *cell;
+}
+
+/* Depth between the source and x as a twin's values have it. */
+static double depth_at(const scatter_depth *d, scatter_vec3 x) {
+    const scatter_vec3 w = d->axis_w;
+    double f[3], sum = 0;
+    int c[3], i;
+    if (!scatteri_on_lattice(d->method, &d->source))
+        return (double)scatter_depth_at(d, x);
+    if (!scatteri_enter_bounds(d, &x))
+        return 0;
+    x = scatteri_sub(x, d->box.min);
+    f[0] = fraction_of((double)((scatteri_dot(x, d->axis_u) - d->low_u) / d->step_u), d->nx, &c[0]);
+    f[1] = fraction_of((double)((scatteri_dot(x, d->axis_v) - d->low_v) / d->step_v), d->ny, &c[1]);
+    f[2] = fraction_of((double)((scatteri_dot(x, w) - d->low_r) / d->step_r), d->nz, &c[2]);
+    for (i = 0; i < 8; i++) {
+        const int u = i & 1, v = i >> 1 & 1, r = i >> 2;
+        const double weight = (u ? f[0] : 1 - f[0]) * (v ? f[1] : 1 - f[1]) * (r ? f[2] : 1 - f[2]);
+        sum += weight * (double)d->values[scatteri_cell_index(d, c[0] + u, c[1] + v, c[2] + r)];
+    }
+    return sum;
+}
+
 /* Relative RMS error at points inside the bounds, if there are some. */
 static double reading_error(gl_rig *rig, scatter_gl *fog, const check_world *w,
                             const scatter_quality *q, const char *what) {
@@ -717,7 +745,7 @@ static double reading_error(gl_rig *rig, scatter_gl *fog, const check_world *w,
         for (i = 0; i < PICTURE * PICTURE; i++) {
             const scatter_vec3 x = point_of(i);
             if (!m->bounded || scatteri_inside(m->bounds, x))
-                check_add(&e, (double)values[4 * i + l], (double)scatter_depth_at(twin, x));
+                check_add(&e, (double)values[4 * i + l], depth_at(twin, x));
         }
         if (!(check_relative_rms(&e) <= worst))
             worst = check_relative_rms(&e);
