@@ -1195,8 +1195,8 @@ static void lone_voxel(int x, int y, int z, float rest, float *rgb) {
     shoot(&w.scene, front_view(), nodes(16), rgb);
 }
 
-/* Bricks of 8^3 empty voxels are skipped; a voxel at the corner of one reaches into the bricks
-   beside it. With next to nothing in the other voxels no brick is empty. */
+/* Rays pass empty voxels; a lone voxel reaches into the cells around it. With next to nothing in the
+   other voxels none is empty. */
 static void test_lone_voxel(void **state) {
     static const int places[][3] = {{7, 7, 7}, {8, 8, 8}, {7, 8, 7}, {0, 9, 8}};
     static float sparse[FLOATS], full[FLOATS];
@@ -1208,7 +1208,7 @@ static void test_lone_voxel(void **state) {
         lone_voxel(places[i][0], places[i][1], places[i][2], 1e-20f, full);
         worst = fmax(worst, image_error(sparse, full));
     }
-    hard_row("a lone voxel at the corner of a brick", "bricks that are not empty are skipped", ULP,
+    hard_row("a lone voxel in empty space", "voxels that are not empty are passed", ULP,
              worst);
     lone_voxel(0, 9, 7, 1e-20f, full);
     hard_fault("another voxel", ULP, image_error(sparse, full));

@@ -417,7 +417,8 @@ typedef struct world_case {
     double tolerance; /* of the brightest value; see test_images */
 } world_case;
 
-/* What Gaussians hold beyond e^-18 of their centre, 1.5e-8, is left out where nothing else is; five of them. */
+/* What five Gaussians hold beyond e^-18 of their centres, 1.5e-8, is left out where nothing else
+   is. */
 #define RIM 2e-7
 
 static const world_case worlds[] = {
@@ -428,12 +429,36 @@ static const world_case worlds[] = {
 };
 
 static const scatter_quality qualities[] = {
-    {SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_EXACT, SCATTER_RAY_MARCH, 50, 0, 0, 0},
-    {SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_EXACT, SCATTER_RAY_QUADRATURE, 8, 0, 0, 0},
-    {SCATTER_DEPTH_POLAR, SCATTER_DENSITY_EXACT, SCATTER_RAY_MARCH, 33, 12, 0, 0},
-    {SCATTER_DEPTH_MARCH, SCATTER_DENSITY_VOLUME, SCATTER_RAY_MARCH, 40, 12, 0, 0},
-    {SCATTER_DEPTH_MARCH, SCATTER_DENSITY_EXACT, SCATTER_RAY_QUADRATURE, 8, 12, 0, 0},
-    {SCATTER_DEPTH_CLOSED_VOLUME, SCATTER_DENSITY_VOLUME, SCATTER_RAY_QUADRATURE, 16, 12, 0, 0},
+    {.depth = SCATTER_DEPTH_CLOSED,
+     .density = SCATTER_DENSITY_EXACT,
+     .ray = SCATTER_RAY_MARCH,
+     .nodes = 50,
+     .grid = 0},
+    {.depth = SCATTER_DEPTH_CLOSED,
+     .density = SCATTER_DENSITY_EXACT,
+     .ray = SCATTER_RAY_QUADRATURE,
+     .nodes = 8,
+     .grid = 0},
+    {.depth = SCATTER_DEPTH_POLAR,
+     .density = SCATTER_DENSITY_EXACT,
+     .ray = SCATTER_RAY_MARCH,
+     .nodes = 33,
+     .grid = 12},
+    {.depth = SCATTER_DEPTH_MARCH,
+     .density = SCATTER_DENSITY_VOLUME,
+     .ray = SCATTER_RAY_MARCH,
+     .nodes = 40,
+     .grid = 12},
+    {.depth = SCATTER_DEPTH_MARCH,
+     .density = SCATTER_DENSITY_EXACT,
+     .ray = SCATTER_RAY_QUADRATURE,
+     .nodes = 8,
+     .grid = 12},
+    {.depth = SCATTER_DEPTH_CLOSED_VOLUME,
+     .density = SCATTER_DENSITY_VOLUME,
+     .ray = SCATTER_RAY_QUADRATURE,
+     .nodes = 16,
+     .grid = 12},
 };
 
 static scatter_view view_of(const check_world *w, int inside) {
