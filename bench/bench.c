@@ -32,6 +32,7 @@
 #include "promises.h"
 #include "rays.h"
 #include "report.h"
+#include "skip.h"
 #include "specialised.h"
 #include "tables.h"
 
@@ -45,6 +46,7 @@ static const benchmark benchmarks[] = {
     {"environment", env_run, NULL, LEVEL_TEST},        /* skies as constellations */
     {"isa", isa_run, NULL, LEVEL_TEST},                /* instruction sets */
     {"promises", promises_run, NULL, LEVEL_TEST},      /* allocations, bits */
+    {"skip", skip_run, NULL, LEVEL_TEST},              /* empty space, as Navarro et al. */
     {"specialised", special_run, NULL, LEVEL_FULL},    /* only what a scene needs */
     {"tables", tables_run, NULL, LEVEL_FULL},          /* how Giroud and Biri's tables scale */
     {"plans", plans_run, NULL, LEVEL_FULL},            /* predicted against measured */

@@ -560,10 +560,26 @@ static void plans_list(scene_list *list)
 static void plans_fit_file(plans_bench *b)
 {
     static const scatter_quality settings[4] = {
-        {SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_EXACT, SCATTER_RAY_QUADRATURE, 8, 64},
-        {SCATTER_DEPTH_CLOSED, SCATTER_DENSITY_EXACT, SCATTER_RAY_MARCH, 32, 64},
-        {SCATTER_DEPTH_POLAR, SCATTER_DENSITY_EXACT, SCATTER_RAY_QUADRATURE, 8, 64},
-        {SCATTER_DEPTH_POLAR, SCATTER_DENSITY_EXACT, SCATTER_RAY_MARCH, 32, 128}};
+        {.depth = SCATTER_DEPTH_CLOSED,
+         .density = SCATTER_DENSITY_EXACT,
+         .ray = SCATTER_RAY_QUADRATURE,
+         .nodes = 8,
+         .grid = 64},
+        {.depth = SCATTER_DEPTH_CLOSED,
+         .density = SCATTER_DENSITY_EXACT,
+         .ray = SCATTER_RAY_MARCH,
+         .nodes = 32,
+         .grid = 64},
+        {.depth = SCATTER_DEPTH_POLAR,
+         .density = SCATTER_DENSITY_EXACT,
+         .ray = SCATTER_RAY_QUADRATURE,
+         .nodes = 8,
+         .grid = 64},
+        {.depth = SCATTER_DEPTH_POLAR,
+         .density = SCATTER_DENSITY_EXACT,
+         .ray = SCATTER_RAY_MARCH,
+         .nodes = 32,
+         .grid = 128}};
     scatter_image image = plans_image(b);
     for (int i = 0; i < 4; i++) {
         scatter_context *context = NULL;

@@ -29,9 +29,15 @@ enum { TABLES_WAYS = 2 };
 
 static const tables_way tables_ways[TABLES_WAYS] = {
     {"their method, our code",
-     {SCATTER_DEPTH_EQ6, SCATTER_DENSITY_VOLUME, SCATTER_RAY_MARCH, 64, 0}},
+     {.depth = SCATTER_DEPTH_EQ6,
+      .density = SCATTER_DENSITY_VOLUME,
+      .ray = SCATTER_RAY_MARCH,
+      .nodes = 64}},
     {"polar and quadrature",
-     {SCATTER_DEPTH_POLAR, SCATTER_DENSITY_VOLUME, SCATTER_RAY_QUADRATURE, 16, 0}}};
+     {.depth = SCATTER_DEPTH_POLAR,
+      .density = SCATTER_DENSITY_VOLUME,
+      .ray = SCATTER_RAY_QUADRATURE,
+      .nodes = 16}}};
 
 typedef struct tables_bench {
     many_bench *scene;
