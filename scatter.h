@@ -2378,20 +2378,21 @@ SCATTERI_FN double scatteri_pass_empty(const scatteri_field *field, scatteri_wal
     return t;
 }
 
-/* Integral of the field over the segment, exact. Empty cells add 0 exactly, so that passing them changes no bit; the map
-   is asked behind an empty cell only. Adds the cells that were not passed to *cells. */
+/* Integral of the field over the segment, exact. Empty cells add 0 exactly, so that passing them changes no bit. The map is
+   asked behind two empty cells: most holes are no wider. Adds the cells that were not passed to *cells. */
 SCATTERI_HOT static float scatteri_field_depth(const scatteri_field *field, scatteri_segment s,
                                                int *cells)
 {
     scatteri_walk walk;
-    double sum = 0.0, t = 0.0, mean = 0.0;
+    double sum = 0.0, t = 0.0;
+    int empty = 0;
     if (!scatteri_cut_segment(&s, field->grid.box))
         return 0.0f;
     scatteri_begin_walk(field, &s, &walk);
     while (t < s.length) {
-        double next, middle[3];
+        double next, middle[3], mean;
         int i;
-        if (!(mean > 0.0) && field->distances != NULL)
+        if (empty >= 2 && field->distances != NULL)
             t = scatteri_pass_empty(field, &walk, t, s.length);
         if (t >= s.length)
             break;
@@ -2400,6 +2401,7 @@ SCATTERI_HOT static float scatteri_field_depth(const scatteri_field *field, scat
             middle[i] = walk.g[i] + 0.5 * (t + next) * walk.dg[i];
         mean = scatteri_cell_mean(&field->grid, &walk, middle, 0.5 * (next - t));
         sum += (next - t) * mean;
+        empty = mean > 0.0 ? 0 : empty + 1;
         ++*cells;
         t = next;
         scatteri_pass_planes(&walk, t);
@@ -2561,13 +2563,15 @@ SCATTERI_FN void scatteri_go_back(const scatteri_columns16 *c, const int *SCATTE
 {
     const float *f = c->wide, *from = c->from;
     const int *before = c->before;
-    int l;
+    int to[SCATTERI_LANES], l;
     for (l = 0; l < SCATTERI_LANES; l++) {
         const int at = last->at[l], earlier = before[at * SCATTERI_LANES + l];
-        const int to = back[l] ? earlier : at;
-        last->at[l] = to;
-        last->f[l] = f[to * SCATTERI_LANES + l];
-        last->from[l] = from[to * SCATTERI_LANES + l];
+        to[l] = at + ((earlier - at) & -back[l]);
+    }
+    for (l = 0; l < SCATTERI_LANES; l++) {
+        last->at[l] = to[l];
+        last->f[l] = f[to[l] * SCATTERI_LANES + l];
+        last->from[l] = from[to[l] * SCATTERI_LANES + l];
     }
 }
 

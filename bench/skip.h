@@ -270,7 +270,7 @@ static double skip_table_rows(report *r, const skip_data *d, int data, float *wh
 
 static const struct skip_volume {
     int nodes, grid;
-} skip_volumes[SKIP_VOLUMES] = {{8, 32}, {16, 32}, {8, 64}, {16, 64}, {16, 96}, {16, 128}};
+} skip_volumes[SKIP_VOLUMES] = {{16, 32}, {16, 64}, {32, 64}, {32, 128}, {64, 128}, {64, 192}};
 
 static void skip_volume_row(report *r, const char *name, const char *way, const scatter_quality *q,
                             const skip_shot *shot, const skip_shot *good, double gain)
