@@ -178,14 +178,15 @@ SKIES = $(basename $(notdir $(wildcard examples/skies/*.scatter)))
 PICTURES = $(SCENES:%=$(BUILD)/gallery/%.png)
 SKY_PICTURES = $(SKIES:%=$(BUILD)/gallery/%.png)
 TURNING = $(BUILD)/gallery/turning0000.png
+RISING = $(BUILD)/gallery/puffs0000.png
 
 demo:
 	$(SETUP) demo
 	$(MAKE) --no-print-directory gallery
 
-gallery: $(BUILD)/gallery/sheet.png $(BUILD)/gallery/skies.png $(TURNING)
+gallery: $(BUILD)/gallery/sheet.png $(BUILD)/gallery/skies.png $(TURNING) $(RISING)
 	@echo "pictures: $(BUILD)/gallery, all on two sheets: $(wordlist 1,2,$^)"
-	@echo "a turning sky, frame by frame: $(TURNING) and on"
+	@echo "frame by frame, a turning sky and changing voxels: $(TURNING), $(RISING) and on"
 
 # A scene whose voxels or sky are not there makes no picture.
 FILES = s/^ *grid  *\([^ ]*\).*/\1/p; s/^ *light  *environment  *\([^ ]*\).*/\1/p
@@ -210,6 +211,12 @@ $(SKY_PICTURES): $(BUILD)/gallery/%.png: examples/skies/%.scatter $(BUILD)/scatt
 
 $(TURNING): examples/skies/smoke_venice.scatter $(BUILD)/scatter-turntable | $(BUILD)/gallery
 	$(call RENDER,$(FRAMES) $(@:0000.png=) --frames 12 --size 180x240)
+
+$(RISING): $(BUILD)/scenes/puffs.scatter $(BUILD)/scatter-turntable | $(BUILD)/gallery
+	$(FRAMES) $(@:0000.png=) --frames 12 --size 160x240 --sequence $(<:.scatter=)_*.raw
+
+$(BUILD)/scenes/puffs.scatter: $(BUILD)/scatter-generate | $(BUILD)/scenes
+	$< puffs 12 $(@:.scatter=) >$@
 
 $(BUILD)/scenes/cumulus_27000.scatter: $(BUILD)/scatter-generate | $(BUILD)/scenes
 	$< 27000 >$@

@@ -252,6 +252,14 @@ memory() { turned "$SKY/x.pfm" --json "$@" | sed -n 's/.*"bytes": \([0-9]*\).*/\
 
 no_allocations() { cat "$1" && grep -q ' 0 allocations behind frame 2$' "$1"; }
 
+# rising_puffs FRAMES: what scatter-generate makes, without an allocation.
+rising_puffs() {
+    "$OUT/gcc/scatter-generate" puffs "$1" "$SKY/puffs" >"$SKY/puffs.scatter" || return
+    "$OUT/gcc/scatter-turntable" "$SKY/puffs.scatter" --size 24x36 --frames "$1" --out "$SKY/f" \
+        --sequence "$SKY"/puffs_*.raw >"$SKY/said" || return
+    no_allocations "$SKY/said"
+}
+
 sequence_checks() {
     local a=$SKY/a_8x8x8_u8.raw b=$SKY/b_8x8x8_u8.raw
     frames --frames 6 --degrees 0 --sequence "$a" "$b" "$b" >"$SKY/said"
@@ -265,6 +273,8 @@ sequence_checks() {
         frames --frames 2 --sequence "$a" "$SKY/c_6x6x6_u8.raw"
     refuse "a volume that is not there" 'cannot be opened' frames --frames 2 --sequence "$a" x.vdb
     refuse "no volumes" 'expected volumes' frames --frames 2 --sequence
+    check "rising puffs" rising_puffs 5
+    refuse "puffs that stand still" differ same_frames 0 4
     refuse "a sequence without a grid" 'expects a scene with one grid' \
         "$OUT/gcc/scatter-turntable" examples/scenes/spot.scatter --out x --frames 1 --sequence "$a"
 }

@@ -1,8 +1,10 @@
-/* generate.c - scatter-generate: a cumulus cloud of any number of Gaussians, as a scene file. MIT
-   licence, see LICENSE.
+/* generate.c - scatter-generate: a cumulus cloud of any number of Gaussians, or rising puffs of smoke
+   as a sequence of voxel files; the scene file goes to the output. MIT licence, see LICENSE.
 
        build/scatter-generate 1000  > examples/scenes/cumulus_1000.scatter (committed)
        build/scatter-generate 27000 > build/scenes/cumulus_27000.scatter    (1 MB, made when needed)
+       build/scatter-generate puffs 12 build/scenes/puffs > build/scenes/puffs.scatter
+           and the voxels of 12 frames, build/scenes/puffs_0000_32x48x32_u8.raw and on
 
    The cloud grows as cumulus does: puffs sit on puffs. Each new one is placed on the surface of an
    older one, and is smaller. The same count gives the same file on every run: the random numbers
@@ -11,8 +13,10 @@
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { MOST = 1000000, FIRST = 14 }; /* puffs at most, and of the base */
+enum { RISING = 5, NX = 32, NY = 48, NZ = 32 }; /* puffs of smoke at a time; voxels */
 
 typedef struct puff {
     double x, y, z, radius;
@@ -77,12 +81,7 @@ static void print_puff(const puff *p, int count) {
     printf("gaussian %.4f %.4f %.4f  %.4f %.4f\n", p->x, p->y, p->z, a, c);
 }
 
-int main(int arguments, char **argument) {
-    int count = arguments == 2 ? atoi(argument[1]) : 0;
-    if (count < FIRST || count > MOST) {
-        fprintf(stderr, "usage: scatter-generate COUNT, %d to %d Gaussians\n", FIRST, MOST);
-        return 2;
-    }
+static int print_cloud(int count) {
     puff *puffs = (puff *)malloc((size_t)count * sizeof *puffs);
     if (!puffs)
         return 1;
@@ -93,4 +92,62 @@ int main(int arguments, char **argument) {
     }
     free(puffs);
     return fflush(stdout) ? 1 : 0;
+}
+
+/* Puffs that rise, swing, widen and thin out, at a time of 0..1; at 1 all is as at 0. x, y, z in voxels. */
+static double smoke_at(double time, int x, int y, int z) {
+    double sum = 0;
+    for (int i = 0; i < RISING; i++) {
+        double age = fmod(time + (double)i / RISING, 1), radius = 3 + 6 * age;
+        double dx = x + 0.5 - NX / 2.0 - 4 * age * sin(9 * age + i);
+        double dy = y + 0.5 - NY * (0.1 + 0.75 * age);
+        double dz = z + 0.5 - NZ / 2.0 - 4 * age * cos(7 * age + 2 * i);
+        double square = (dx * dx + 1.6 * dy * dy + dz * dz) / (radius * radius);
+        sum += 0.9 * fmin(8 * age, 1) * (1 - age) * exp(-square);
+    }
+    return fmin(sum, 1);
+}
+
+/* One frame; bytes below 2 are left out, so that there is empty space. */
+static int write_smoke(const char *prefix, int frame, double time) {
+    static unsigned char voxels[NZ][NY][NX];
+    char path[1000];
+    for (int z = 0; z < NZ; z++)
+        for (int y = 0; y < NY; y++)
+            for (int x = 0; x < NX; x++) {
+                int value = (int)(255 * smoke_at(time, x, y, z));
+                voxels[z][y][x] = (unsigned char)(value < 2 ? 0 : value);
+            }
+    snprintf(path, sizeof path, "%s_%04d_%dx%dx%d_u8.raw", prefix, frame, NX, NY, NZ);
+    FILE *file = fopen(path, "wb");
+    int failed = !file || fwrite(voxels, sizeof voxels, 1, file) != 1;
+    return (file && fclose(file)) || failed;
+}
+
+static int print_smoke(int frames, const char *prefix) {
+    const char *slash = strrchr(prefix, '/');
+    for (int i = 0; i < frames; i++)
+        if (write_smoke(prefix, i, (double)i / frames))
+            return 1;
+    printf("# Rising puffs of smoke, the first of %d volumes.\n", frames);
+    printf("# Written by scatter-generate puffs %d.\n", frames);
+    printf("image 320 480\ncamera perspective 0 1.1 5  0 1.4 0  0 1 0  35\n");
+    printf("medium 6 6.2 6.5  0.9 0.9 0.9\nphase hg 0.3\n");
+    printf("grid %s_0000_%dx%dx%d_u8.raw  -1 0 -1  1 3 1  1\n", slash ? slash + 1 : prefix, NX, NY,
+           NZ);
+    printf("light directional 0.8 -0.5 -0.3  6 5.2 4\nlight directional -0.3 -1 -0.2  0.5 0.7 1\n");
+    printf("background 0.1 0.14 0.22\n");
+    return fflush(stdout) ? 1 : 0;
+}
+
+int main(int arguments, char **argument) {
+    int smoke = arguments == 4 && strcmp(argument[1], "puffs") == 0;
+    int count = arguments > 1 ? atoi(argument[smoke ? 2 : 1]) : 0;
+    if (smoke && count >= 1 && count <= 9999)
+        return print_smoke(count, argument[3]);
+    if (arguments == 2 && count >= FIRST && count <= MOST)
+        return print_cloud(count);
+    fprintf(stderr, "usage: scatter-generate COUNT, %d to %d Gaussians\n", FIRST, MOST);
+    fprintf(stderr, "       scatter-generate puffs FRAMES PREFIX, 1 to 9999 frames\n");
+    return 2;
 }
