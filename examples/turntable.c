@@ -23,7 +23,6 @@ static const char usage[] =
     "  --degrees A        how far the sky turns about +y in N frames: +z goes to +x (360)\n"
     "  --size WxH         pixels instead of the scene's; the field of view stays\n"
     "  --nodes N          of the quadrature along each pixel's ray (16)\n"
-    "  --threads N        default: one for each processor\n"
     "  --sequence FILE... frame i shows the voxels of file i instead of those of the scene's "
     "grid;\n"
     "                     behind the last file the first comes again\n";
@@ -32,7 +31,7 @@ static const char usage[] =
 
 typedef struct options {
     const char *scene, *out;
-    int frames, width, height, threads;
+    int frames, width, height;
     float degrees; /* of all frames together */
     scatter_quality quality;
     char **volumes;
@@ -51,16 +50,14 @@ static int option_with_value(options *o, const char *name, const char *value)
         return size_option(value, &o->width, &o->height);
     if (strcmp(name, "--nodes") == 0)
         return number_option(name, value, 1, 256, &o->quality.nodes);
-    if (strcmp(name, "--threads") == 0)
-        return number_option(name, value, 1, 1024, &o->threads);
     return complain(2, "unknown option '%s'; --help lists the options", name);
 }
 
-/* All arguments up to the next option. */
+/* All arguments up to the next option; how many they are. */
 static int sequence_option(options *o, char **files)
 {
     o->volumes = files;
-    for (o->volume_count = 0; files[o->volume_count] && files[o->volume_count][0] != '-';)
+    while (files[o->volume_count] && files[o->volume_count][0] != '-')
         o->volume_count++;
     return o->volume_count;
 }
@@ -97,8 +94,7 @@ typedef struct turntable {
     scatter_scene scene;   /* the file's, with the lights and the grid of this frame */
     scatter_light *lights; /* turned */
     scatter_grid grid;
-    file_grid
-        voxels[2]; /* of this frame, and of the one before, which the library may still read */
+    file_grid voxels[2]; /* of this frame and of the one before */
     scatter_view view;
     file_picture picture, transmittance;
     scatter_tone tone; /* of the first frame */
@@ -116,13 +112,10 @@ static int next_volume(turntable *t, int frame)
     if (file_grid_read(path, voxels, &error))
         return complain(1, "%s", error.text);
     if (frame && (voxels->nx != before->nx || voxels->ny != before->ny || voxels->nz != before->nz))
-        return complain(1, "%s: expected %dx%dx%d voxels as in the file before, found %dx%dx%d",
-                        path, before->nx, before->ny, before->nz, voxels->nx, voxels->ny,
-                        voxels->nz);
+        return complain(1, "%s: expected %dx%dx%d voxels as in the file before", path, before->nx,
+                        before->ny, before->nz);
     t->grid.density = voxels->density;
-    t->grid.nx = voxels->nx;
-    t->grid.ny = voxels->ny;
-    t->grid.nz = voxels->nz;
+    t->grid.nx = voxels->nx, t->grid.ny = voxels->ny, t->grid.nz = voxels->nz;
     t->grid.version++; /* so that the library looks at the voxels again */
     return 0;
 }
@@ -141,9 +134,9 @@ static void add_sky(const turntable *t, float degrees, int x, int y)
     if (scene->surface && scene->surface(scene->user, ray.origin, ray.direction, &hit))
         return;
     scatter_vec3 sky = scene_sky_radiance(t->file, degrees, ray.direction);
-    rgb[0] += through[0] * sky.x;
-    rgb[1] += through[1] * sky.y;
-    rgb[2] += through[2] * sky.z;
+    const float seen[3] = {sky.x, sky.y, sky.z};
+    for (int c = 0; c < 3; c++)
+        rgb[c] += through[c] * seen[c];
 }
 
 /* The medium and the surfaces under the turned lights, then the sky behind them. */
@@ -193,9 +186,8 @@ static int run(turntable *t)
         if (frame < 2)
             settled = t->host.allocations;
     }
-    scatter_stats stats = scatter_get_stats(t->context);
     printf("%s: %d frames, %.0f ms each, %.1f MB, %.0f allocations behind frame 2\n", o->scene,
-           o->frames, (now_ms() - start) / o->frames, (double)stats.bytes * 1e-6,
+           o->frames, (now_ms() - start) / o->frames, (double)t->host.bytes * 1e-6,
            (double)(t->host.allocations - settled));
     return 0;
 }
@@ -225,7 +217,7 @@ static int prepare(turntable *t)
         t->scene.medium.grids = &t->grid;
     }
     t->view = scene_view(file, width, height);
-    t->host.threads = o->threads;
+    t->host.threads = all_processors();
     t->host.scene = o->scene;
     pthread_mutex_init(&t->host.lock, NULL);
     scatter_host host = make_host(&t->host);
@@ -239,7 +231,6 @@ int main(int count, char **arguments)
     turntable t;
     memset(&o, 0, sizeof o);
     memset(&t, 0, sizeof t);
-    o.threads = all_processors();
     o.degrees = 360;
     if (count == 2 && strcmp(arguments[1], "--help") == 0)
         return fputs(usage, stdout) < 0;
