@@ -23,8 +23,8 @@ two_lights       0.002 gl33   --depth polar --grid 64 --density volume --nodes 1
 two_lights       0.009 gl33   --depth polar --grid 64 --density exact # 16 nodes cut otherwise
 cloud            0.002 gl33   --depth polar --grid 64 --density exact --nodes 64
 cloud            0.010 gl33   --depth polar --grid 64 --density exact # 16 nodes cut otherwise
-../skies/smoke_venice 0.002 gl33 --depth polar --grid 64 --density exact --nodes 64
-../skies/cloud_venice 0.002 gl33 --depth polar --grid 64 --density exact --nodes 64
+../skies/smoke_venice   0.002 gl33 --depth closed --density exact --nodes 64
+../skies/spheres_studio 0.009 gl33 --depth polar --grid 64 --density exact --nodes 64 # CPU and GPU lay their columns differently
 cumulus_1000     0.002 gl33   --depth closed-volume --grid 64 --density volume --nodes 64
 cumulus_1000     0.045 gl33   --depth polar --grid 64 --density volume # columns sum up the density volume there, the CPU its 1000 Gaussians
 END
