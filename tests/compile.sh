@@ -400,10 +400,10 @@ planted_nowhere() {
 
 # ------------------------------------------------------------------------------------ README
 
-# The first block of C.
+# readme_example FILE [N]: the first, or N-th, block of C.
 readme_example() {
-    awk '/^```/ { inside = !inside && !done && $0 == "```c"; done = done || inside; next }
-        inside' "$1"
+    awk -v wanted="${2-1}" \
+        '/^```/ { inside = !inside && $0 == "```c" && ++n == wanted; next } inside' "$1"
 }
 readme_has_minimal() { readme_example "$1" | diff - examples/minimal.c; }
 
@@ -424,6 +424,15 @@ readme_files_exist() {
     return $missing
 }
 
+# readme_sky FILE: the second block inside of a function, with what it takes for granted.
+readme_sky() {
+    lines '#define SCATTER_STATIC' '#define SCATTER_IMPLEMENTATION' '#include "scatter.h"' \
+        'int use(const scatter_scene *scene);' 'int sky(const float *pixels, float angle);' \
+        'int sky(const float *pixels, float angle) {' 'scatter_scene scene = {0};' \
+        "$(readme_example "$1" 2)" 'return use(&scene); }' >"$OUT/readme/sky.c"
+    strict gcc:c99 -Wno-missing-field-initializers -I. -c "$OUT/readme/sky.c" -o "$OUT/readme/sky.o"
+}
+
 title_readme="README: its example is examples/minimal.c and works, its files exist"
 step_readme() {
     local dir=$OUT/readme
@@ -433,6 +442,9 @@ step_readme() {
     readme_example README.md >"$dir/examples/fog.c"
     check "compiles" strict gcc:c99 -O2 "$dir/examples/fog.c" -o "$dir/fog" -lm
     check "makes a picture" picture "$dir/fog" "$dir/picture"
+    check "the sky compiles" readme_sky README.md
+    sed 's/scatter_turn_lights(lights/scatter_turn_lights(sky/' README.md >"$PLANTED/README.md"
+    refuse "a sky that is no lights" 'incompatible type' readme_sky "$PLANTED/README.md"
     check "its files and targets exist" readme_files_exist README.md
     sed 's/scatter_render(/scatter_rendered(/' README.md >"$PLANTED/README.md"
     refuse "an example that differs" scatter_render readme_has_minimal "$PLANTED/README.md"
