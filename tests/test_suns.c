@@ -152,8 +152,8 @@ static void test_depth_in_a_long_box(void **state)
     assert_int_equal(g.n[1], 33);
     assert_int_equal(g.n[2], 9);
     for (i = 0; i < CHECK_COUNT(directions); i++)
-        /* of depths that begin at 0 in eight steps: the faces cut the Gaussian, as in a block */
-        assert_at_most(depth_error(&w.scene.medium, directions[i], 129, 0, 0.25f, 0), 0.03);
+        /* measured 0.016: eight steps for the kinks behind the edges of the box, which cuts the Gaussian */
+        assert_at_most(depth_error(&w.scene.medium, directions[i], 129, 0.09f, 0.19f, 0), 0.025);
 }
 
 /* ------------------------------------------------------ >>images */
