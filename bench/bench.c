@@ -34,6 +34,7 @@
 #include "report.h"
 #include "skip.h"
 #include "specialised.h"
+#include "suns.h"
 #include "tables.h"
 
 /* `fronts` comes last: it draws the points that the others have written. */
@@ -44,6 +45,7 @@ static const benchmark benchmarks[] = {
     {"gaussians", many_run, NULL, LEVEL_TEST},         /* up to 27,000 */
     {"cloud", cloud_run, NULL, LEVEL_TEST},            /* voxels, beside vdb_render */
     {"environment", env_run, NULL, LEVEL_TEST},        /* skies as constellations */
+    {"suns", suns_run, NULL, LEVEL_TEST},              /* many directional lights */
     {"isa", isa_run, NULL, LEVEL_TEST},                /* instruction sets */
     {"promises", promises_run, NULL, LEVEL_TEST},      /* allocations, bits */
     {"skip", skip_run, NULL, LEVEL_TEST},              /* empty space, as Navarro et al. */
