@@ -5337,23 +5337,39 @@ SCATTERI_FN void scatteri_read_lattice(const scatter_depth *d, const scatteri_po
     }
 }
 
-/* Depth at points from a lattice, of all sources whose values lie side by side: so many to a point. */
+/* Sorts what lies side by side by its sources. */
+SCATTERI_HOT static void scatteri_sort_out(int count, const float *SCATTERI_RESTRICT all,
+                                           float *SCATTERI_RESTRICT a, float *SCATTERI_RESTRICT b,
+                                           float *SCATTERI_RESTRICT c, float *SCATTERI_RESTRICT d)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        a[i] = all[SCATTERI_TOGETHER * i];
+        b[i] = all[SCATTERI_TOGETHER * i + 1];
+        c[i] = all[SCATTERI_TOGETHER * i + 2];
+        d[i] = all[SCATTERI_TOGETHER * i + 3];
+    }
+}
+
+/* Depth at points from a lattice, of all sources whose values lie side by side. */
 SCATTERI_HOT static void scatteri_read_together(const scatteri_lattice *g, const float *values,
                                                 int count,
                                                 const scatteri_spots *SCATTERI_RESTRICT s,
-                                                float *SCATTERI_RESTRICT depth)
+                                                float (*depth)[SCATTERI_POINTS])
 {
     const size_t sy = (size_t)g->n[0] * SCATTERI_TOGETHER, sz = sy * (size_t)g->n[1];
+    float all[SCATTERI_POINTS * SCATTERI_TOGETHER];
     int i, c;
     for (i = 0; i < count; i++) {
         const float *SCATTERI_RESTRICT v = values + (size_t)s->base[i] * SCATTERI_TOGETHER;
         const float fx = s->fx[i], fy = s->fy[i], fz = s->fz[i];
         for (c = 0; c < SCATTERI_TOGETHER; c++) {
             const float *p = v + c, *q = p + SCATTERI_TOGETHER;
-            depth[i * SCATTERI_TOGETHER + c] = scatteri_trilinear(
+            all[i * SCATTERI_TOGETHER + c] = scatteri_trilinear(
                 p[0], q[0], p[sy], q[sy], p[sz], q[sz], p[sz + sy], q[sz + sy], fx, fy, fz);
         }
     }
+    scatteri_sort_out(count, all, depth[0], depth[1], depth[2], depth[3]);
 }
 
 SCATTERI_HOT static void scatteri_read_depth(const scatter_depth *d, int count,
@@ -6026,27 +6042,38 @@ static void scatteri_aim_beams(const scatter_context *c, const scatteri_rays *ra
     }
 }
 
-/* Adds to `light`, channel by channel, what comes through `depth` with extinction sigma: channels first..end. */
-SCATTERI_HOT static void scatteri_shine(const scatteri_beams *SCATTERI_RESTRICT beams, float sigma,
-                                        int first, int end, int count,
-                                        const float *SCATTERI_RESTRICT depth,
-                                        float (*SCATTERI_RESTRICT light)[SCATTERI_POINTS])
+/* What arrives at the nodes of one light. */
+SCATTERI_HOT static void scatteri_arrive(int count, float sigma,
+                                         const float *SCATTERI_RESTRICT phase,
+                                         const float *SCATTERI_RESTRICT depth,
+                                         float *SCATTERI_RESTRICT arrives)
 {
-    int row, channel, i, l;
-    for (row = 0; row < count; row += SCATTERI_LANES) {
-        float through[SCATTERI_LANES * SCATTERI_TOGETHER];
-        for (l = 0; l < SCATTERI_LANES * SCATTERI_TOGETHER; l++)
-            through[l] = scatteri_decay(sigma * depth[row * SCATTERI_TOGETHER + l]);
-        for (i = 0; i < SCATTERI_TOGETHER; i++) {
-            float arrives[SCATTERI_LANES];
-            for (l = 0; l < SCATTERI_LANES; l++)
-                arrives[l] = beams->phase[i][l] * through[l * SCATTERI_TOGETHER + i];
-            for (channel = first; channel < end; channel++) {
-                const float intensity = beams->intensity[i][channel];
-                for (l = 0; l < SCATTERI_LANES; l++)
-                    light[channel][row + l] += intensity * arrives[l];
-            }
-        }
+    int row, l;
+    for (row = 0; row < count; row += SCATTERI_LANES)
+        for (l = 0; l < SCATTERI_LANES; l++)
+            arrives[row + l] = phase[l] * scatteri_decay(sigma * depth[row + l]);
+}
+
+SCATTERI_HOT static void scatteri_add_scaled(int count, float scale,
+                                             const float *SCATTERI_RESTRICT value,
+                                             float *SCATTERI_RESTRICT sum)
+{
+    int i;
+    for (i = 0; i < count; i++)
+        sum[i] += scale * value[i];
+}
+
+/* Adds one light to the channels; one exponential serves all of them where extinction has no colour. */
+static void scatteri_shine(const scatteri_medium *m, const scatteri_beams *beams, int i, int count,
+                           const float *depth, float (*light)[SCATTERI_POINTS])
+{
+    float arrives[SCATTERI_POINTS];
+    int channel;
+    for (channel = 0; channel < 3; channel++) {
+        if (channel == 0 || !m->gray)
+            scatteri_arrive(count, scatteri_get(m->desc.extinction, channel), beams->phase[i],
+                            depth, arrives);
+        scatteri_add_scaled(count, beams->intensity[i][channel], arrives, light[channel]);
     }
 }
 
@@ -6054,22 +6081,18 @@ SCATTERI_HOT static void scatteri_shine(const scatteri_beams *SCATTERI_RESTRICT 
 static void scatteri_gather_beams(const scatter_context *c, const scatteri_rays *rays,
                                   scatteri_nodes *n, float (*light)[SCATTERI_POINTS])
 {
-    const scatter_vec3 s = c->medium.desc.extinction;
-    float depth[SCATTERI_POINTS * SCATTERI_TOGETHER];
+    float depth[SCATTERI_TOGETHER][SCATTERI_POINTS];
     scatteri_spots spots;
     scatteri_beams beams;
-    int b;
+    int b, i;
     scatteri_place_points(rays, n);
     scatteri_find_all_spots(&c->lattice, n->count, &n->points, &spots);
     for (b = 0; b * SCATTERI_TOGETHER < c->suns; b++) {
         scatteri_read_together(&c->lattice, (const float *)c->lights[b].batch.data, n->count,
                                &spots, depth);
         scatteri_aim_beams(c, rays, b, &beams);
-        scatteri_shine(&beams, s.x, 0, c->medium.gray ? 3 : 1, n->count, depth, light);
-        if (!c->medium.gray) {
-            scatteri_shine(&beams, s.y, 1, 2, n->count, depth, light);
-            scatteri_shine(&beams, s.z, 2, 3, n->count, depth, light);
-        }
+        for (i = 0; i < SCATTERI_TOGETHER && b * SCATTERI_TOGETHER + i < c->suns; i++)
+            scatteri_shine(&c->medium, &beams, i, n->count, depth[i], light);
         n->work[SCATTERI_WORK_TOGETHER] += (double)(n->count / SCATTERI_LANES);
     }
 }

@@ -12,23 +12,24 @@
 enum {
     SUNS_MEDIA = 2,
     SUNS_COUNTS = 4, /* and 20 */
-    SUNS_GRIDS = 6,
-    SUNS_NODES = 2,
+    SUNS_GRIDS = 4,
+    SUNS_NODES = 3,
     SUNS_SETTINGS = SUNS_GRIDS * SUNS_NODES,
     SUNS_SHADOWS = 3, /* settings with shadow rays */
     SUNS_MOST = 64,   /* lights */
     SUNS_FINE = 256,  /* voxels along an axis of the second medium */
     SUNS_TILE = 16,   /* pixels */
-    SUNS_STEP = 64,   /* pixels from tile to tile of the sample */
+    SUNS_STEP = 128,  /* pixels from tile to tile of the sample */
+    SUNS_BEST = 64,   /* nodes of the reference */
     SUNS_BLOCK = 4,   /* pixels of a tile that are compared */
     SUNS_TURNS = 6,
     SUNS_SMOKE_SIDE = 48
 };
 
 static const int suns_counts[SUNS_COUNTS] = {1, 4, 16, 64};
-static const int suns_grids[SUNS_GRIDS] = {32, 64, 96, 128, 160, 192};
-static const int suns_nodes[SUNS_NODES] = {8, 16};
-static const int suns_shadows[SUNS_SHADOWS] = {4, 8, 16}; /* nodes */
+static const int suns_grids[SUNS_GRIDS] = {96, 128, 192, 256};
+static const int suns_nodes[SUNS_NODES] = {8, 16, 32};
+static const int suns_shadows[SUNS_SHADOWS] = {8, 16, 32}; /* nodes */
 
 typedef struct suns_bench {
     const char *title, *name;
@@ -44,7 +45,7 @@ typedef struct suns_bench {
 
 static int suns_size(void)
 {
-    return by_level(64, 256, 512);
+    return by_level(128, 256, 512);
 }
 
 static size_t suns_floats(void)
@@ -54,7 +55,7 @@ static size_t suns_floats(void)
 
 static int suns_used_settings(void)
 {
-    return by_level(1, 4, SUNS_SETTINGS);
+    return by_level(1, 6, SUNS_SETTINGS);
 }
 
 static int suns_used_shadows(void)
@@ -152,7 +153,7 @@ static void suns_compare(const suns_bench *b, setting *s)
 
 static void suns_reference(suns_bench *b)
 {
-    setting s = setting_of(SCATTER_DEPTH_CLOSED, SCATTER_RAY_QUADRATURE, 32, 0);
+    setting s = setting_of(SCATTER_DEPTH_CLOSED, SCATTER_RAY_QUADRATURE, SUNS_BEST, 0);
     float *rgb = b->rgb;
     b->rgb = b->reference;
     suns_measure(b, &s);
@@ -282,7 +283,7 @@ static void suns_close(suns_bench *b)
 static void suns_limit(report *r, suns_bench *b)
 {
     setting s[2];
-    double rows[2];
+    double rows[2]; /* of nodes, with four lights each */
     for (int i = 0; i < 2; i++) {
         double work[SCATTERI_WORKS];
         scatter_context *c = NULL;
@@ -308,7 +309,7 @@ static void suns_limit(report *r, suns_bench *b)
 
 static void suns_whole(report *r, suns_bench *b)
 {
-    report_text(r, "%s, 20 lights, %dx%d, whole images (grid 0: the default):", b->title,
+    report_text(r, "%s, 20 lights, %dx%d, whole images (grid 0: the default; with two threads on the wall):", b->title,
                 suns_size(), suns_size());
     report_table(r, b->name[0] == 'f' ? "suns_whole_fine" : "suns_whole_cloud",
                  "medium|lights|nodes|grid|threads|setup ms|image ms|memory MB");
@@ -319,7 +320,7 @@ static void suns_whole(report *r, suns_bench *b)
         scatter_image image = image_of(b->rgb, suns_size(), suns_size());
         setting s = setting_of(SCATTER_DEPTH_POLAR, SCATTER_RAY_QUADRATURE, 16, grids[i / 2]);
         s.threads = i % 2 + 1;
-        s.on_wall = 1;
+        s.on_wall = s.threads > 1;
         for (int round = 0; round < by_level(1, 1, 3); round++)
             render_timed(&s, &b->scene, &b->view, &image);
         report_cell(r, "%s", b->title);
@@ -485,7 +486,7 @@ static void suns_medium(report *r, int fine)
     report_table(r, fine ? "suns_fine" : "suns_cloud",
                  "medium|lights|depth|nodes|grid|setup ms|rays ms|all ms|RMSE %|memory MB");
     for (int i = 0; i < SUNS_COUNTS; i++)
-        if (level == LEVEL_FULL || suns_counts[i] == 4)
+        if (suns_counts[i] == 4 || (level == LEVEL_FULL && !fine))
             suns_count(r, &b, suns_counts[i]);
     suns_count(r, &b, 20);
     report_end(r);
@@ -507,7 +508,7 @@ static void suns_run(report *r)
         r,
         "%dx%d under a sky of directional lights, one thread. Depth from volumes (setup: in a "
         "fresh context) or by shadow rays from every node; errors against shadow rays with "
-        "32 nodes. Times of rays are those of a tile in each square of %d pixels (with shadow "
+        "%d nodes. Times of rays are those of a tile in each square of %d pixels (with shadow "
         "rays, of %dx%d pixels of it, which are those compared), scaled to the image. Of the "
         "volumes the front is shown.",
         suns_size(), suns_size(), SUNS_STEP, SUNS_BLOCK, SUNS_BLOCK);
