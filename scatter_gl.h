@@ -1246,7 +1246,6 @@ static const char scatteri_gl_rays[] =
     "int scatteri_steps_over(float room, float h) {\n"
     "    return room > h ? int(min(ceil(room / h), 65536.0)) - 1 : 0;\n"
     "}\n"
-    "#endif\n"
     "#ifdef SCATTERI_RAYS\n"
     /* Depth of the field between x and `segment` metres towards `to`: middle values of steps of half a voxel. */
     "float scatteri_field_ray(vec3 x, vec3 to, float segment) {\n"
@@ -1267,6 +1266,7 @@ static const char scatteri_gl_rays[] =
     "    }\n"
     "    return scatteri_field_min.w * h * sum;\n"
     "}\n"
+    "#endif\n"
     "#endif\n";
 
 /* What the volume of a batch holds at a place in its texels; slot 4 b + c is channel c of batch b. Batches lie behind each
@@ -1831,8 +1831,9 @@ static const char scatteri_gl_spaced[] =
 
 /* --- the eye ray --- */
 
-/* Passes into textures of ours: their pixels are counted from the corner of the picture. */
-static const char scatteri_gl_own_target[] = "#define SCATTERI_CORNER vec2(0.0)\n";
+/* The pass of the mask: there is a field, and pixels of our own texture are those of the picture. */
+static const char scatteri_gl_masking[] = "#define SCATTERI_FIELD\n"
+                                          "#define SCATTERI_CORNER vec2(0.0)\n";
 
 /* The ray of a pixel and where the host's surface ends it. */
 static const char scatteri_gl_camera[] =
@@ -2207,7 +2208,7 @@ static const char scatteri_gl_depth_to[] =
     "#elif defined(SCATTERI_CLOSED)\n"
     "    sum = scatteri_closed_depth(x, to, segment);\n"
     "#endif\n"
-    "#ifdef SCATTERI_RAYS\n"
+    "#if defined(SCATTERI_RAYS) && defined(SCATTERI_FIELD)\n"
     "    sum += scatteri_field_ray(x, to, segment);\n"
     "#endif\n"
     "#ifdef SCATTERI_FOG\n"
@@ -3082,7 +3083,7 @@ static const scatteri_gl_chapter scatteri_gl_chapters[] = {{"prelude", scatteri_
                                                            {"nearest", scatteri_gl_nearest},
                                                            {"distance", scatteri_gl_distance},
                                                            {"spaced", scatteri_gl_spaced},
-                                                           {"own_target", scatteri_gl_own_target},
+                                                           {"masking", scatteri_gl_masking},
                                                            {"camera", scatteri_gl_camera},
                                                            {"eye", scatteri_gl_eye},
                                                            {"masked", scatteri_gl_masked},
@@ -3206,9 +3207,8 @@ static const scatteri_gl_pass scatteri_gl_passes[] = {
      SCATTERI_GL_HAS(FIELD)},
     {"spaced", "prelude whole", "prelude blocks nearest slices spaced", 0},
     {"mask", "prelude whole",
-     "prelude vector erf span integrals blocks density rays own_target camera eye masked ends mask",
-     SCATTERI_GL_HAS(FIELD) | SCATTERI_GL_HAS(FOG) | SCATTERI_GL_HAS(BOUNDED) |
-         SCATTERI_GL_HAS(DISTANCE)},
+     "prelude vector erf span integrals masking blocks density rays camera eye masked ends mask",
+     SCATTERI_GL_HAS(FOG) | SCATTERI_GL_HAS(BOUNDED) | SCATTERI_GL_HAS(DISTANCE)},
     {"logs", "prelude whole", "prelude tone photographic before picture blocks_of_8", 0},
     {"sums", "prelude whole", "prelude before logs blocks_of_8", 0},
     {"tone", "prelude whole", "prelude tone photographic before tone_picture", 0},

@@ -172,6 +172,16 @@ static inline void gl_fog_random(gl_fog *f, uint64_t seed)
     f->quality.nodes = 4;
 }
 
+/* One grid through which rays go to the lights and jump. */
+static inline void gl_fog_skip(gl_fog *f)
+{
+    f->world.scene.medium.grid_count = 0;
+    check_add_grid(&f->world, 5, 4, 3, check_cube(-1, 1), 3);
+    f->quality.depth = SCATTER_DEPTH_CLOSED;
+    f->quality.density = SCATTER_DENSITY_EXACT;
+    f->quality.ray = SCATTER_RAY_MARCH;
+}
+
 /* --------------------------------------------------------- >>calls */
 
 static inline int gl_fog_light_count(const gl_fog *f)

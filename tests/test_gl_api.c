@@ -885,6 +885,10 @@ static void assert_no_volumes(gl_fog *f)
     assert_call(f, SET_MEDIUM);
     f->quality.depth = SCATTER_DEPTH_AUTO;
     assert_unsupported(f, "quality.depth");
+    f->quality.depth = SCATTER_DEPTH_CLOSED; /* one grid, whose distance map is made without passes */
+    assert_call(f, UPDATE);
+    assert_call(f, DRAW);
+    assert_int_equal(scatter_gl_get_stats(f->fog).distance_maps, 1);
     f->quality = quality;
     f->world.scene.medium.grid_count = 0;
     assert_call(f, SET_MEDIUM);

@@ -294,6 +294,7 @@ void open_stage(stage *s)
     s->lights.resize(s->world.scene.light_count);
     for (size_t i = 0; i < s->lights.size(); i++)
         s->lights[i].light = s->world.lights[i];
+    s->quality.no_mask = s->quality.no_distance_map = 1; /* passes would have to draw them */
     assert_int_equal(scatter_gl_create(&desc, &s->fog), SCATTER_OK);
     assert_int_equal(scatter_gl_set_medium(s->fog, &s->world.scene.medium), SCATTER_OK);
     assert_int_equal(scatter_gl_set_lights(s->fog, s->lights.data(), s->lights.size()), SCATTER_OK);
@@ -312,16 +313,16 @@ void close_stage(stage *s)
 
 /* --- one shader on the stage --- */
 
-unsigned features_of(const char *list)
+scatteri_gl_features features_of(const char *list)
 {
-    scatteri_gl_key key = {0, 0u, 1, 0};
+    scatteri_gl_key key = {0, 0, 1, 0};
     char word[32];
     while ((list = scatteri_gl_next_word(list, word, sizeof word)) != NULL)
         assert_true(scatteri_gl_add_word(&key, word));
     return key.features;
 }
 
-bool was_drawn(const stage *s, unsigned features)
+bool was_drawn(const stage *s, scatteri_gl_features features)
 {
     for (int i = 0; i < s->fog->program_count; i++)
         if (s->fog->programs[i].key.features == features)
