@@ -498,6 +498,7 @@ typedef struct scatteri_gl_functions {
 
 enum {
     SCATTERI_GL_BATCH = 4,    /* lights to a depth volume: its channels */
+    SCATTERI_GL_GROUP = 8,    /* batches drawn at once: as many lights as the block holds */
     SCATTERI_GL_CASCADES = 4, /* of a shadow map */
     SCATTERI_GL_HEIGHTS = 8,  /* terms of height fog: as in the block */
     SCATTERI_GL_SLICES = 8,   /* layers of a volume that one pass fills, at most */
@@ -540,19 +541,19 @@ enum {
     A(heights, 8) /* density, y0, scale */                                                         \
     A(few, 128)   /* Gaussians 2 i and 2 i + 1 of the table, if they are few and thin */
 
-/* Four lights; those that are not there have no intensity. */
+/* Four lights, or up to 32 of them in batches that are drawn at once; those that are not there have no intensity. */
 #define SCATTERI_GL_LIGHTS_BLOCK(V, A) \
-    V(batch) /* lights in it; channel of the first in the volume; 1: has the eye in channel 0; first layer */ \
-    A(light, 4)     /* position; w: 0 point, 1 spot, 2 directional */ \
-    A(direction, 4) /* unit; w: radius */ \
-    A(intensity, 4) /* rgb; w: 1 if the light is in the rim of the medium */ \
-    A(cone, 4)      /* cosines of inner and outer, density at the light, not used */ \
-    A(axis_u, 4)    /* of the polar volume; w: first column */ \
-    A(axis_v, 4)    \
-    A(axis_w, 4)    /* w: first shell */ \
-    A(polar, 4)     /* 1/step of u, v, r; r of the last shell */ \
-    A(polar_size, 4) /* columns, columns, shells of this light; w: 1 if directional */ \
-    A(anchor, 4)     /* of the wavefront: where waves begin; w: bits of axes on which the source is inside.
+    V(batch) /* lights; channel of the first: 1 behind the eye; layers of a batch's volume; first layer */ \
+    A(light, 32)     /* position; w: 0 point, 1 spot, 2 directional */ \
+    A(direction, 32) /* unit; w: radius */ \
+    A(intensity, 32) /* rgb; w: 1 if the light is in the rim of the medium */ \
+    A(cone, 32)      /* cosines of inner and outer, density at the light, not used */ \
+    A(axis_u, 32)    /* of the polar volume; w: first column */ \
+    A(axis_v, 32)    \
+    A(axis_w, 32)    /* w: first shell */ \
+    A(polar, 32)     /* 1/step of u, v, r; r of the last shell */ \
+    A(polar_size, 32) /* columns, columns, shells of this light; w: 1 if directional */ \
+    A(anchor, 32)     /* of the wavefront: where waves begin; w: bits of axes on which the source is inside.
                         Of columns: where they begin, 0 if directional */ \
     A(shadow, 4)     /* kind, bias, 1 or -1 (reversed), cascades */ \
     A(shadow_more, 4) /* layer, near, far, not used */ \
@@ -1279,7 +1280,7 @@ static const char scatteri_gl_rays[] =
 static const char scatteri_gl_one_volume[] =
     "uniform highp sampler3D scatteri_volume;\n"
     "vec4 scatteri_volume_at(int slot, vec3 texel) {\n"
-    "    texel.z += scatteri_batch.w;\n"
+    "    texel.z += scatteri_batch.w + float(slot / 4) * scatteri_batch.z;\n"
     "    return textureLod(scatteri_volume, texel / vec3(textureSize(scatteri_volume, 0)), 0.0);\n"
     "}\n";
 
@@ -4158,7 +4159,25 @@ static void scatteri_gl_put_anchor(float *to, const scatter_depth *d)
     to[3] = (float)inside;
 }
 
-/* Light `lamp` of the fog as number l of its batch. */
+/* The shadow map of light l of a batch. */
+static void scatteri_gl_put_shadow(scatter_gl *f, int l, const scatter_gl_shadow *s)
+{
+    scatteri_gl_lights_block *b = &f->lights_block;
+    int c, row;
+    scatteri_gl_put(b->shadow[l], (float)s->kind, s->bias, s->reversed ? -1.0f : 1.0f,
+                    (float)(s->cascades > 1 ? s->cascades : 1));
+    scatteri_gl_put(b->shadow_more[l], (float)s->layer, s->z_near, s->z_far, 0.0f);
+    for (c = 0; c < (int)SCATTERI_GL_CASCADES && s->kind != SCATTER_GL_SHADOW_CUBE; c++)
+        for (row = 0; row < 4; row++) {
+            const float *m = s->matrix[c];
+            float *to = b->shadow_matrix[(l * SCATTERI_GL_CASCADES + c) * 4 + row];
+            scatteri_gl_put(to, m[row], m[4 + row], m[8 + row],
+                            m[row] * f->ref.x + m[4 + row] * f->ref.y + m[8 + row] * f->ref.z +
+                                m[12 + row]);
+        }
+}
+
+/* Light `lamp` of the fog as number l of the block. */
 static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *lamp)
 {
     scatteri_gl_lights_block *b = &f->lights_block;
@@ -4168,7 +4187,6 @@ static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *l
     const int directional = d->kind == SCATTER_LIGHT_DIRECTIONAL, parallel = p->source.directional;
     const scatter_vec3 none = {0.0f, 0.0f, 0.0f}, corner = scatteri_sub(p->box.min, f->ref);
     const scatter_vec3 at = directional ? none : scatteri_sub(d->position, f->ref);
-    int c, row;
     scatteri_gl_put3(b->light[l], at, (float)d->kind);
     scatteri_gl_put3(b->direction[l], d->direction, directional ? 0.0f : d->radius);
     scatteri_gl_put3(b->intensity[l], d->intensity, (float)lamp->in_rim);
@@ -4190,17 +4208,8 @@ static void scatteri_gl_put_lamp(scatter_gl *f, int l, const scatteri_gl_lamp *l
     else
         scatteri_gl_put3(b->anchor[l], parallel ? none : scatteri_sub(p->source.position, f->ref),
                          0.0f);
-    scatteri_gl_put(b->shadow[l], (float)s->kind, s->bias, s->reversed ? -1.0f : 1.0f,
-                    (float)(s->cascades > 1 ? s->cascades : 1));
-    scatteri_gl_put(b->shadow_more[l], (float)s->layer, s->z_near, s->z_far, 0.0f);
-    for (c = 0; c < (int)SCATTERI_GL_CASCADES && s->kind != SCATTER_GL_SHADOW_CUBE; c++)
-        for (row = 0; row < 4; row++) {
-            const float *m = s->matrix[c];
-            float *to = b->shadow_matrix[(l * SCATTERI_GL_CASCADES + c) * 4 + row];
-            scatteri_gl_put(to, m[row], m[4 + row], m[8 + row],
-                            m[row] * f->ref.x + m[4 + row] * f->ref.y + m[8 + row] * f->ref.z +
-                                m[12 + row]);
-        }
+    if (s->kind != SCATTER_GL_SHADOW_NONE)
+        scatteri_gl_put_shadow(f, l, s);
 }
 
 /* --------------------------------------------------------------------------------------- >>volumes */
@@ -4638,20 +4647,55 @@ static scatteri_gl_features scatteri_gl_batch_features(scatter_gl *f, int batch)
     return features;
 }
 
-static void scatteri_gl_send_batch(scatter_gl *f, int batch)
+/* Whether a batch can be drawn together with others. */
+static int scatteri_gl_is_plain(scatter_gl *f, int batch)
 {
-    int channel, used = 0;
-    memset(&f->lights_block, 0, sizeof f->lights_block);
+    int channel, shadows = 0;
     for (channel = 0; channel < (int)SCATTERI_GL_BATCH; channel++) {
         const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
+        shadows |= lamp != NULL && lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE;
+    }
+    return !f->has_eye && !shadows;
+}
+
+/* Batches from `first` on that are drawn at once: what a ray meets is looked for once then. Their volumes are in one
+   texture, and they need no units for shadow maps. */
+static int scatteri_gl_group_of(scatter_gl *f, int first)
+{
+    int next = first + 1;
+    while (next - first < (int)SCATTERI_GL_GROUP && next < f->batch_count &&
+           (f->layers == 0 || next % f->stacked != 0) && scatteri_gl_is_plain(f, first) &&
+           scatteri_gl_is_plain(f, next))
+        next++;
+    return next - first;
+}
+
+static scatteri_gl_features scatteri_gl_group_features(scatter_gl *f, int first)
+{
+    const int count = scatteri_gl_group_of(f, first);
+    scatteri_gl_features features = 0;
+    int i;
+    for (i = 0; i < count; i++)
+        features |= scatteri_gl_batch_features(f, first + i);
+    return features;
+}
+
+/* The block of the lights of `count` batches. */
+static void scatteri_gl_send_lights(scatter_gl *f, int first, int count)
+{
+    int slot, used = 0;
+    memset(&f->lights_block, 0, sizeof f->lights_block);
+    for (slot = 0; slot < count * (int)SCATTERI_GL_BATCH; slot++) {
+        const scatteri_gl_lamp *lamp = scatteri_gl_source_in(
+            f, first + slot / (int)SCATTERI_GL_BATCH, slot % (int)SCATTERI_GL_BATCH);
         if (lamp == NULL)
             break;
-        scatteri_gl_put_lamp(f, channel, lamp);
-        used = channel + 1;
+        scatteri_gl_put_lamp(f, slot, lamp);
+        used = slot + 1;
     }
-    scatteri_gl_put(f->lights_block.batch, (float)used, (float)f->has_eye, (float)f->has_eye,
-                    (float)(batch % f->stacked * f->layers));
-    scatteri_gl_send(f, f->light_buffers[batch], &f->lights_block, sizeof f->lights_block);
+    scatteri_gl_put(f->lights_block.batch, (float)used, (float)f->has_eye, (float)f->layers,
+                    (float)(first % f->stacked * f->layers));
+    scatteri_gl_send(f, f->light_buffers[first], &f->lights_block, sizeof f->lights_block);
 }
 
 /* --- tables --- */
@@ -4749,14 +4793,21 @@ static scatter_result scatteri_gl_update_distance(scatter_gl *f)
     return result;
 }
 
-/* Columns along a directional light, in a frame of its own: one that reads them needs one fetch. */
-static void scatteri_gl_lay_columns(scatter_depth *d, int n)
+/* Cells of the volume of a source on each axis. */
+static void scatteri_gl_shape(scatter_depth *d, int n)
+{
+    scatteri_shape(d, n);
+    if (d->method == SCATTER_DEPTH_POLAR && d->source.directional && d->medium->desc.grid_count > 0)
+        d->nx = d->ny = n;
+}
+
+/* Columns of a directional source: along its light, through the local box. */
+static void scatteri_gl_parallel_columns(scatter_depth *d)
 {
     float high_u = -SCATTERI_FAR, high_v = -SCATTERI_FAR, high_r = -SCATTERI_FAR;
     int i;
+    d->box = d->medium->local;
     scatteri_polar_frame(d, d->source.direction);
-    if (d->medium->desc.grid_count > 0)
-        d->nx = d->ny = n;
     d->low_u = d->low_v = d->low_r = SCATTERI_FAR;
     for (i = 0; i < 8; i++) {
         const scatter_vec3 x = scatteri_sub(scatteri_corner(d->box, i), d->box.min);
@@ -4782,9 +4833,11 @@ static void scatteri_gl_lay_out(scatter_gl *f, scatteri_gl_lamp *lamp)
     d->method = f->quality.depth;
     if (!f->medium.has_local || d->method == SCATTER_DEPTH_CLOSED)
         return;
-    scatteri_lay_out(d, f->quality.grid);
-    if (scatteri_on_lattice(d->method, &d->source))
-        scatteri_gl_lay_columns(d, f->quality.grid);
+    scatteri_gl_shape(d, f->quality.grid);
+    if (d->method == SCATTER_DEPTH_POLAR && d->source.directional)
+        scatteri_gl_parallel_columns(d);
+    else
+        scatteri_lay_out(d, f->quality.grid);
     d->at_source =
         d->source.directional ? 0.0f : scatteri_local_density(&f->medium, d->source.position);
 }
@@ -4802,7 +4855,7 @@ static void scatteri_gl_shape_of(const scatter_gl *f, const scatteri_gl_lamp *la
     d.method = f->quality.depth;
     d.source.directional = lamp->desc.light.kind == SCATTER_LIGHT_DIRECTIONAL;
     if (f->medium.has_local && d.method != SCATTER_DEPTH_CLOSED)
-        scatteri_shape(&d, f->quality.grid);
+        scatteri_gl_shape(&d, f->quality.grid);
     size[0] = d.nx;
     size[1] = d.ny;
     size[2] = d.nz;
@@ -4942,7 +4995,7 @@ static scatter_result scatteri_gl_fill_volume_of(scatter_gl *f, int batch)
         if (lamp != NULL && !lamp->filled)
             scatteri_gl_lay_out(f, lamp);
     }
-    scatteri_gl_send_batch(f, batch);
+    scatteri_gl_send_lights(f, batch, 1);
     volume = scatteri_gl_volume_of(f, batch);
     if (volume.width > 0) {
         result = scatteri_gl_propagate(f, batch, &volume);
@@ -5001,9 +5054,9 @@ static scatter_result scatteri_gl_update_batches(scatter_gl *f)
             result = scatteri_gl_fill_volume_of(f, batch);
     for (; left > 0 && result == SCATTER_OK && (batch = scatteri_gl_oldest(f)) >= 0; left--)
         result = scatteri_gl_fill_volume_of(f, batch);
-    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++)
-        if (scatteri_gl_age(f, batch) > 0)
-            scatteri_gl_send_batch(f, batch);
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK;
+         batch += scatteri_gl_group_of(f, batch))
+        scatteri_gl_send_lights(f, batch, scatteri_gl_group_of(f, batch));
     return result;
 }
 
@@ -5374,12 +5427,14 @@ static scatter_result scatteri_gl_draw_transmittance(scatter_gl *f, scatteri_gl_
     return SCATTER_OK;
 }
 
-/* The light to be shown as a channel of this batch, or of none. */
+/* The light to be shown as one of the group that begins with this batch, or none. */
 static void scatteri_gl_show_light_of(scatter_gl *f, int batch)
 {
     const int per_batch = scatteri_gl_lights_per_batch(f), light = (int)f->view_block.show[1];
-    const int here = light / per_batch == batch && light < f->lamp_count;
-    f->view_block.picture[3] = here ? (float)(light % per_batch + f->has_eye) : -1.0f;
+    const int slot = light - batch * per_batch;
+    const int here =
+        slot >= 0 && slot < per_batch * scatteri_gl_group_of(f, batch) && light < f->lamp_count;
+    f->view_block.picture[3] = here ? (float)(slot + f->has_eye) : -1.0f;
     scatteri_gl_send(f, f->view_buffer, &f->view_block, sizeof f->view_block);
 }
 
@@ -5394,14 +5449,15 @@ static scatter_result scatteri_gl_draw_radiance(scatter_gl *f, scatteri_gl_featu
     f->gl.Disable(SCATTERI_GL_BLEND);
     if (over)
         scatteri_gl_blend(f, SCATTERI_GL_ONE, target, SCATTERI_GL_ONE, target);
-    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK;
+         batch += scatteri_gl_group_of(f, batch)) {
         const scatteri_gl_features more = batch > 0 ? SCATTERI_GL_HAS(MORE) : 0;
         scatteri_gl_bind_batch(f, batch);
         if ((features & SCATTERI_GL_HAS(SHOW)) != 0)
             scatteri_gl_show_light_of(f, batch);
         result =
             scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
-                            features | scatteri_gl_batch_features(f, batch) | more, 1, &program);
+                            features | scatteri_gl_group_features(f, batch) | more, 1, &program);
         if (result == SCATTER_OK)
             scatteri_gl_fill(f, program, 0, 0, 0, 0);
         scatteri_gl_blend(f, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE, SCATTERI_GL_ONE);
@@ -5455,7 +5511,7 @@ static scatter_result scatteri_gl_draw_whole(scatter_gl *f, const scatter_gl_vie
                                              scatteri_gl_features features)
 {
     const int colored = (features & SCATTERI_GL_HAS(COLORED)) != 0;
-    scatter_result result;
+    scatter_result result = SCATTER_OK;
     scatteri_gl_send_view(f, v, 1);
     result = scatteri_gl_draw_mask(f, features, v->width, v->height);
     if (result != SCATTER_OK)
@@ -5680,7 +5736,7 @@ static scatter_result scatteri_gl_fill_slices(scatter_gl *f, const scatteri_gl_p
 static scatter_result scatteri_gl_fill_batch(scatter_gl *f, int batch)
 {
     const scatteri_gl_features features = scatteri_gl_medium_features(f) |
-                                          scatteri_gl_batch_features(f, batch) |
+                                          scatteri_gl_group_features(f, batch) |
                                           (batch > 0 ? SCATTERI_GL_HAS(MORE) : 0);
     const int at_once = f->draw_buffers - 1;
     const scatteri_gl_program *program;
@@ -5788,7 +5844,8 @@ SCATTER_API scatter_result scatter_gl_fill_froxels(scatter_gl *f, const scatter_
     scatteri_gl_send_view(f, v, 1);
     result = scatteri_gl_size_froxels(f, &r);
     scatteri_gl_bind_medium(f);
-    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++)
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK;
+         batch += scatteri_gl_group_of(f, batch))
         result = scatteri_gl_fill_batch(f, batch);
     scatteri_gl_remember_froxels(f, v);
     scatteri_gl_end_timer(f, SCATTERI_GL_TIME_FROXELS);
@@ -6035,11 +6092,12 @@ SCATTER_API scatter_result scatter_gl_warm_up(scatter_gl *f, const scatter_quali
     else if (result == SCATTER_OK && (features & SCATTERI_GL_HAS(COLORED)) != 0)
         result = scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
                                  features | SCATTERI_GL_HAS(TRANSMITTANCE), 1, &program);
-    for (batch = 0; batch < f->batch_count && result == SCATTER_OK; batch++) {
+    for (batch = 0; batch < f->batch_count && result == SCATTER_OK;
+         batch += scatteri_gl_group_of(f, batch)) {
         more = batch > 0 ? SCATTERI_GL_HAS(MORE) : 0;
         result =
             scatteri_gl_use(f, SCATTERI_GL_PASS_VIEW,
-                            features | more | scatteri_gl_batch_features(f, batch), 1, &program);
+                            features | more | scatteri_gl_group_features(f, batch), 1, &program);
     }
     if (result == SCATTER_OK && view->divide > 1)
         result = scatteri_gl_use(f, SCATTERI_GL_PASS_UPSAMPLE, 0, 1, &program);

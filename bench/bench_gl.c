@@ -20,6 +20,7 @@
 #include "gl_settings.h"
 #include "gl_shadow.h"
 #include "gl_skip.h"
+#include "gl_suns.h"
 #include "program.h"
 #include <ctype.h>
 
@@ -30,6 +31,7 @@ static const benchmark benchmarks[] = {
     {"settings", gl_settings_run, NULL, LEVEL_TEST}, /* every method, nodes and cells */
     {"frames", gl_frames_run, NULL, LEVEL_TEST},     /* update and view at the usual sizes */
     {"costs", gl_costs_run, NULL, LEVEL_TEST},       /* of lights, Gaussians, formats */
+    {"suns", gl_suns_run, NULL, LEVEL_TEST},         /* many lights, streams, tone mapping */
     {"limits", gl_limits_run, NULL, LEVEL_TEST},     /* fetches and arithmetic alone */
     {"fronts", fronts_run, NULL, LEVEL_TEST}         /* charts */
 };

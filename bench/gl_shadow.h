@@ -11,7 +11,7 @@
 #include "gl_bench.h"
 #include "shadow_rays.h"
 
-enum { GL_SHADOW_ROOM = 64, GL_SHADOW_LIGHTS = 16, GL_SHADOW_UNIT = 1 };
+enum { GL_SHADOW_ROOM = 64, GL_SHADOW_LIGHTS = 64, GL_SHADOW_UNIT = 1 };
 
 static const char gl_shadow_density[] =
     "uniform vec3 low, high;\n"

@@ -200,77 +200,132 @@ static void fill_single_columns(scatter_depth *d) {
     free(work);
 }
 
-/* Column (i, j) of a source, as 16 times the same ray; parallel ones count from where they begin. */
-static void column_of(const scatter_depth *d, int i, int j, scatteri_rays *rays) {
-    const float u = d->low_u + (float)i * d->step_u, v = d->low_v + (float)j * d->step_v;
-    const scatter_vec3 o = scatteri_add(
-        scatteri_scale(d->axis_w, d->low_r),
-        scatteri_add(scatteri_scale(d->axis_u, u), scatteri_scale(d->axis_v, v)));
-    int l;
-    if (!d->source.directional) {
-        scatteri_columns(d, i, j, rays);
+/* scatter.h keeps the depth of directional sources in a lattice: the twin of our columns is made here. */
+static int is_parallel(const scatter_depth *d) {
+    return d->method == SCATTER_DEPTH_POLAR && d->source.directional;
+}
+
+/* Column (i, j): where it begins, where it goes to, how far. */
+static void column_ray(const scatter_depth *d, int i, int j, scatter_vec3 *from, scatter_vec3 *to,
+                       float *length) {
+    scatteri_rays rays;
+    if (is_parallel(d)) {
+        *to = d->axis_w;
+        *from = scatteri_along(d->box.min, d->axis_w, d->low_r);
+        *from = scatteri_along(*from, d->axis_u, d->low_u + (float)i * d->step_u);
+        *from = scatteri_along(*from, d->axis_v, d->low_v + (float)j * d->step_v);
+        *length = (float)(d->nz - 1) * d->step_r;
         return;
     }
-    rays->ref = d->box.min;
-    for (l = 0; l < SCATTERI_LANES; l++) {
-        scatteri_set_ray(rays, l, scatteri_add(rays->ref, o), d->axis_w, SCATTERI_FAR);
-        rays->t1[l] = (float)(d->nz - 1) * d->step_r;
-    }
+    scatteri_columns(d, i, j, &rays);
+    *from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
+    *to = scatteri_ray_direction(&rays, 0);
+    *length = rays.t1[0];
 }
 
-/* Depth along a parallel column: Gaussians in closed form, grids in the steps of polar columns. */
+/* Depth of the grids between two shells, by middle values about as far apart as voxels. */
+static double between_shells(const scatter_depth *d, scatter_vec3 from, float a, float b) {
+    scatter_medium grids = d->medium->desc;
+    const scatter_grid *g = grids.grids;
+    scatter_vec3 size;
+    float rate;
+    double sum = 0;
+    int samples, s;
+    if (grids.grid_count == 0)
+        return 0;
+    size = scatteri_sub(g->box.max, g->box.min);
+    rate = scatteri_max(scatteri_abs(d->axis_w.x) * (float)g->nx / size.x,
+                        scatteri_max(scatteri_abs(d->axis_w.y) * (float)g->ny / size.y,
+                                     scatteri_abs(d->axis_w.z) * (float)g->nz / size.z));
+    samples = (int)(0.75f * rate * d->step_r) + 1;
+    grids.gaussian_count = 0;
+    for (s = 0; s < samples && b > a; s++) {
+        const float t = a + ((float)s + 0.5f) * (b - a) / (float)samples;
+        sum += (double)scatter_density(&grids, scatteri_along(from, d->axis_w, t));
+    }
+    return sum * (double)(b - a) / samples;
+}
+
 static void fill_parallel_column(scatter_depth *d, int i, int j) {
     scatter_medium smooth = d->medium->desc;
-    float last[SCATTERI_LANES], here[SCATTERI_LANES], running[SCATTERI_LANES] = {0}, t0 = 0, t1;
-    scatter_vec3 from, w = d->axis_w;
-    scatteri_rays rays;
-    int k, l;
-    column_of(d, i, j, &rays);
-    from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
-    t1 = rays.t1[0];
-    if (!scatteri_bounded(&d->medium->desc, from, w, &t0, &t1))
-        t0 = t1 = 0;
+    scatter_vec3 from, to;
+    float a = 0, b, before;
+    double run = 0;
+    int k, meets;
+    column_ray(d, i, j, &from, &to, &b);
+    meets = !smooth.bounded || scatteri_clip(smooth.bounds, from, to, &a, &b);
     smooth.grid_count = 0;
-    for (l = 0; l < SCATTERI_LANES; l++)
-        last[l] = t0;
+    before = a;
     for (k = 0; k < d->nz; k++) {
-        const float r = (float)k * d->step_r;
-        for (l = 0; l < SCATTERI_LANES; l++)
-            here[l] = scatteri_clamp(r, t0, t1);
-        if (d->medium->desc.grid_count > 0)
-            scatteri_sum_fields(d, &rays, last, here, running);
-        memcpy(last, here, sizeof last);
+        const float t = scatteri_clamp((float)k * d->step_r, a, b);
+        run += meets ? between_shells(d, from, before, t) : 0;
+        before = t;
         d->values[scatteri_cell_index(d, i, j, k)] =
-            running[0] + scatter_optical_depth(&smooth, from, scatteri_along(from, w, r));
+            !meets ? 0.0f
+                   : (float)(run + (double)scatter_optical_depth(&smooth,
+                                                                 scatteri_along(from, to, a),
+                                                                 scatteri_along(from, to, t)));
     }
 }
 
-/* A directional source has parallel columns on the GPU. */
-static void fill_parallel_columns(scatter_depth *d, int n) {
+static void fill_columns(scatter_depth *d) {
     int i, j;
-    scatteri_lay_out(d, n);
-    scatteri_gl_lay_columns(d, n);
-    assert_int_equal(scatteri_reserve(&d->host, &d->memory,
-                                      scatteri_bytes((size_t)d->nx, (size_t)d->ny, (size_t)d->nz,
-                                                     sizeof(float)),
-                                      "columns"),
-                     SCATTER_OK);
-    d->values = (float *)d->memory.data;
+    if (!is_parallel(d)) {
+        fill_single_columns(d);
+        return;
+    }
     for (j = 0; j < d->ny; j++)
         for (i = 0; i < d->nx; i++)
             fill_parallel_column(d, i, j);
 }
 
-/* Depth of one source by scatter.h, where the GPU has it. */
+static void lay_out_columns(scatter_depth *d, const scatter_quality *q) {
+    const scatter_host host = scatteri_host_or_default(NULL);
+    size_t bytes;
+    scatteri_gl_shape(d, q->grid);
+    scatteri_gl_parallel_columns(d);
+    bytes = (size_t)d->nx * (size_t)d->ny * (size_t)d->nz * sizeof(float);
+    assert_int_equal(scatteri_reserve(&host, &d->memory, bytes, "columns"), SCATTER_OK);
+    d->values = (float *)d->memory.data;
+}
+
+/* Between the values of parallel columns. */
+static double between_columns(const scatter_depth *d, scatter_vec3 x) {
+    const scatter_vec3 o = scatteri_sub(x, d->box.min);
+    const int n[3] = {d->nx, d->ny, d->nz};
+    float g[3];
+    double sum = 0;
+    int at[3], axis, corner;
+    g[0] = (scatteri_dot(o, d->axis_u) - d->low_u) / d->step_u;
+    g[1] = (scatteri_dot(o, d->axis_v) - d->low_v) / d->step_v;
+    g[2] = (scatteri_dot(o, d->axis_w) - d->low_r) / d->step_r;
+    for (axis = 0; axis < 3; axis++) {
+        g[axis] = scatteri_clamp(g[axis], 0.0f, (float)(n[axis] - 1));
+        at[axis] = scatteri_clamp_int((int)g[axis], 0, n[axis] - 2);
+    }
+    for (corner = 0; corner < 8; corner++) {
+        double weight = 1;
+        for (axis = 0; axis < 3; axis++) {
+            const double f = (double)(g[axis] - (float)at[axis]);
+            weight *= corner >> axis & 1 ? f : 1 - f;
+        }
+        sum += weight * (double)d->values[scatteri_cell_index(d, at[0] + (corner & 1),
+                                                              at[1] + (corner >> 1 & 1),
+                                                              at[2] + (corner >> 2))];
+    }
+    return sum;
+}
+
+/* Depth of one source by scatter.h. */
 static scatter_depth *depth_twin(const scatter_medium *m, scatter_source source,
                                  const scatter_quality *q) {
     scatter_depth *depth = NULL;
     assert_int_equal(scatter_depth_create(NULL, &depth), SCATTER_OK);
     assert_int_equal(scatter_depth_update(depth, m, &source, q), SCATTER_OK);
-    if (scatteri_on_lattice(q->depth, &source))
-        fill_parallel_columns(depth, q->grid);
-    else if (q->depth == SCATTER_DEPTH_POLAR && m->grid_count > 0)
-        fill_single_columns(depth);
+    if (is_parallel(depth))
+        lay_out_columns(depth, q);
+    if (is_parallel(depth) || (q->depth == SCATTER_DEPTH_POLAR && m->grid_count > 0))
+        fill_columns(depth);
     return depth;
 }
 
@@ -290,20 +345,18 @@ static int grazes(const scatter_depth *twin, int i, int j) {
     const scatter_vec3 grain = check_v3(1e-5f, 1e-5f, 1e-5f);
     scatter_box small = m->bounds, large = m->bounds;
     float a0 = 0, a1, b0 = 0, b1;
-    scatteri_rays rays;
-    scatter_vec3 from;
+    scatter_vec3 from, to;
     int a, b;
     if (!m->bounded || twin->method != SCATTER_DEPTH_POLAR)
         return 0;
-    column_of(twin, i, j, &rays);
-    from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
-    a1 = b1 = rays.t1[0];
+    column_ray(twin, i, j, &from, &to, &a1);
+    b1 = a1;
     small.min = scatteri_add(small.min, grain);
     small.max = scatteri_sub(small.max, grain);
     large.min = scatteri_sub(large.min, grain);
     large.max = scatteri_add(large.max, grain);
-    a = scatteri_clip(small, from, scatteri_ray_direction(&rays, 0), &a0, &a1);
-    b = scatteri_clip(large, from, scatteri_ray_direction(&rays, 0), &b0, &b1);
+    a = scatteri_clip(small, from, to, &a0, &a1);
+    b = scatteri_clip(large, from, to, &b0, &b1);
     return (b ? b1 - b0 : 0.0f) - (a ? a1 - a0 : 0.0f) > 0.01f;
 }
 
@@ -501,11 +554,10 @@ static double column_error(const scatteri_gl_texture *t, const float *values, in
             for (i = 0; i < twin->nx; i += 3) {
                 const size_t at = ((size_t)k * (size_t)t->height + (size_t)j) * (size_t)t->width;
                 const double along = (double)k * (double)twin->step_r;
-                scatteri_rays rays;
-                scatter_vec3 from, to;
-                column_of(twin, i, j, &rays);
-                from = scatteri_add(rays.ref, scatteri_ray_origin(&rays, 0));
-                to = scatteri_along(from, scatteri_ray_direction(&rays, 0), (float)(start + along));
+                scatter_vec3 from, way, to;
+                float length;
+                column_ray(twin, i, j, &from, &way, &length);
+                to = scatteri_along(from, way, (float)(start + along));
                 check_add(&e,
                           (double)values[4 * (at + (size_t)i) + (size_t)channel] *
                               (twin->source.directional ? 1 : start + along),
@@ -567,10 +619,7 @@ static double volume_column_error(const scatteri_gl_texture *t, const float *val
     memset(&medium, 0, sizeof medium);
     assert_int_equal(scatteri_prepare(&host, &medium, &desc), SCATTER_OK);
     twin->medium = &medium;
-    if (twin->source.directional)
-        fill_parallel_columns(twin, q->grid);
-    else
-        fill_single_columns(twin);
+    fill_columns(twin);
     error = channel_error(t, values, channel, twin, RIGHT);
     twin->medium = &twin->own;
     scatter_depth_destroy(twin);
@@ -704,34 +753,6 @@ static float *read_points(gl_rig *rig, scatter_gl *fog, const char *what) {
     return values;
 }
 
-/* Of a value between the ends of an axis: cell and fraction. */
-static double fraction_of(double at, int n, int *cell) {
-    const double g = fmin(fmax(at, 0), n - 1);
-    *cell = (int)fmin(g, n - 2);
-    return g - *cell;
-}
-
-/* Depth between the source and x as a twin's values have it. */
-static double depth_at(const scatter_depth *d, scatter_vec3 x) {
-    const scatter_vec3 w = d->axis_w;
-    double f[3], sum = 0;
-    int c[3], i;
-    if (!scatteri_on_lattice(d->method, &d->source))
-        return (double)scatter_depth_at(d, x);
-    if (!scatteri_enter_bounds(d, &x))
-        return 0;
-    x = scatteri_sub(x, d->box.min);
-    f[0] = fraction_of((double)((scatteri_dot(x, d->axis_u) - d->low_u) / d->step_u), d->nx, &c[0]);
-    f[1] = fraction_of((double)((scatteri_dot(x, d->axis_v) - d->low_v) / d->step_v), d->ny, &c[1]);
-    f[2] = fraction_of((double)((scatteri_dot(x, w) - d->low_r) / d->step_r), d->nz, &c[2]);
-    for (i = 0; i < 8; i++) {
-        const int u = i & 1, v = i >> 1 & 1, r = i >> 2;
-        const double weight = (u ? f[0] : 1 - f[0]) * (v ? f[1] : 1 - f[1]) * (r ? f[2] : 1 - f[2]);
-        sum += weight * (double)d->values[scatteri_cell_index(d, c[0] + u, c[1] + v, c[2] + r)];
-    }
-    return sum;
-}
-
 /* Relative RMS error at points inside the bounds, if there are some. */
 static double reading_error(gl_rig *rig, scatter_gl *fog, const check_world *w,
                             const scatter_quality *q, const char *what) {
@@ -745,7 +766,8 @@ static double reading_error(gl_rig *rig, scatter_gl *fog, const check_world *w,
         for (i = 0; i < PICTURE * PICTURE; i++) {
             const scatter_vec3 x = point_of(i);
             if (!m->bounded || scatteri_inside(m->bounds, x))
-                check_add(&e, (double)values[4 * i + l], depth_at(twin, x));
+                check_add(&e, (double)values[4 * i + l], is_parallel(twin) ? between_columns(twin, x)
+                                            : (double)scatter_depth_at(twin, x));
         }
         if (!(check_relative_rms(&e) <= worst))
             worst = check_relative_rms(&e);

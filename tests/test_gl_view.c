@@ -303,6 +303,10 @@ static void open_puffs(check_world *w) {
    floats over them, blending and the depth buffer's own rounding stay below 1e-4. */
 #define SAME 1e-4
 
+/* Under directional lights with polar depth scatter.h reads between the values of a lattice, the GPU between those of
+   columns; both are 0.1 m apart here, and a line between them misses (a h)^2/8, 0.5 %, of the Gaussian of a = 2/m. */
+#define OTHER_VALUES 5e-3
+
 /* ------------------------------------------------------------------------------------- >>tests */
 
 static void every_camera(gl_rig *rig) {
@@ -446,7 +450,7 @@ static void many_lights(gl_rig *rig) {
         put_world(&s, &w, NULL, &q, NULL);
         draw(&s, &v, &p);
         render(&s, &w, &c, &q, rgb, NULL);
-        assert_at_most(compare(&p, rgb), SAME);
+        assert_at_most(compare(&p, rgb), methods[i] == SCATTER_DEPTH_POLAR ? OTHER_VALUES : SAME);
     }
     { /* a volume of the eye's depth is off by 0.4 % of the picture at 64^3 (numerics of the methods), not the same */
         const scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED_VOLUME, 32);
@@ -1064,7 +1068,10 @@ static void light_on_surfaces(gl_rig *rig) {
                 const scatter_vec3 x = {((float)(i % WIDTH) + 0.5f) * 0.1f - 2.0f, -0.8f,
                                         ((float)(i / WIDTH) + 0.5f) * 0.1f - 1.5f};
                 const float tau = scatter_depth_at(depth, x);
-                assert_at_most(fabs((double)p.rgba[4 * i + 1] - exp(-(double)tau)), 2e-5);
+                assert_at_most(fabs((double)p.rgba[4 * i + 1] - exp(-(double)tau)),
+                               source.directional && methods[m] == SCATTER_DEPTH_POLAR
+                                   ? 2 * OTHER_VALUES * 2.2 /* the deepest Gaussian */
+                                   : 2e-5);
             }
             scatter_depth_destroy(depth);
         }
@@ -1144,7 +1151,7 @@ static double sky_difference(stage *s, check_world *w, const scatter_quality *q,
    Light of 9 W/m2 through T that is right to 2e-5 (light_on_surfaces), by a BRDF below 2.9/sr. */
 static void surfaces_under_a_sky(gl_rig *rig) {
     const double limit = 9 * 2e-5 * 2.9;
-    scatter_quality q = quality_of(SCATTER_DEPTH_POLAR, 0);
+    scatter_quality q = quality_of(SCATTER_DEPTH_CLOSED_VOLUME, 0);
     check_world w;
     stage s;
     int turn;
@@ -1156,7 +1163,7 @@ static void surfaces_under_a_sky(gl_rig *rig) {
     for (turn = 0; turn < 4; turn++) {
         const int count = turn % 2 ? SKY : 20;
         if (turn == 2)
-            s.fog->max_3d = 64; /* four batches of 16 shells, 46 x 46 columns each */
+            s.fog->max_3d = 128; /* four batches */
         put_sky(&s, count, 0);
         assert_int_equal(scatter_gl_update(s.fog, &q, NULL), SCATTER_OK);
         assert_int_equal(s.fog->volumes[3].name != 0, turn == 3);
@@ -1166,7 +1173,7 @@ static void surfaces_under_a_sky(gl_rig *rig) {
     assert_int_equal(scatter_gl_update(s.fog, &q, NULL), SCATTER_OK);
     assert_at_least(sky_difference(&s, &w, &q, SKY), 10 * limit);
     put_sky(&s, SKY, 0);
-    s.fog->max_3d = 47; /* two batches */
+    s.fog->max_3d = 64; /* two batches */
     assert_int_equal(scatter_gl_update(s.fog, &q, NULL), SCATTER_OK);
     assert_at_least(sky_difference(&s, &w, &q, SKY), 10 * limit);
     close_stage(&s);
