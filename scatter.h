@@ -2143,8 +2143,8 @@ static scatteri_field scatteri_field_of(const scatter_grid *grid)
     field.per_metre = scatteri_v3((float)grid->nx / (grid->box.max.x - grid->box.min.x),
                                   (float)grid->ny / (grid->box.max.y - grid->box.min.y),
                                   (float)grid->nz / (grid->box.max.z - grid->box.min.z));
-    field.edge = scatteri_v3(1.0f / field.per_metre.x, 1.0f / field.per_metre.y,
-                             1.0f / field.per_metre.z);
+    field.edge =
+        scatteri_v3(1.0f / field.per_metre.x, 1.0f / field.per_metre.y, 1.0f / field.per_metre.z);
     field.scale = grid->scale != 0.0f ? grid->scale : 1.0f;
     field.unit = scatteri_length(scatteri_sub(grid->box.max, grid->box.min)) / (float)SCATTERI_NONE;
     return field;
@@ -2292,8 +2292,9 @@ SCATTERI_FN double scatteri_plane_at(const scatteri_walk *walk, int i)
 
 SCATTERI_FN double scatteri_first_plane(const scatteri_walk *walk)
 {
-    return scatteri_smaller(scatteri_plane_at(walk, 0), scatteri_smaller(scatteri_plane_at(walk, 1),
-                                                                       scatteri_plane_at(walk, 2)));
+    return scatteri_smaller(
+        scatteri_plane_at(walk, 0),
+        scatteri_smaller(scatteri_plane_at(walk, 1), scatteri_plane_at(walk, 2)));
 }
 
 /* Without a branch: which plane comes next is hard to predict. */
@@ -2310,7 +2311,8 @@ SCATTERI_FN double scatteri_on_axis(double g, int n)
 }
 
 /* Trilinear value at g in the cell of voxel centres i, j, k with the voxels v. */
-SCATTERI_FN double scatteri_cell_value(const float *v, const double *g, const int *n, int i, int j, int k)
+SCATTERI_FN double scatteri_cell_value(const float *v, const double *g, const int *n, int i, int j,
+                                       int k)
 {
     return (double)scatteri_trilinear(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7],
                                       (float)(scatteri_on_axis(g[0], n[0]) - (double)i),
@@ -2321,15 +2323,17 @@ SCATTERI_FN double scatteri_cell_value(const float *v, const double *g, const in
 /* Mean of the field on the part of the walk within `half` of `middle` in one cell of voxel centres, where the field along
    a straight line is a cubic polynomial, which two Gauss-Legendre points integrate exactly. */
 SCATTERI_FN double scatteri_cell_mean(const scatter_grid *grid, const scatteri_walk *walk,
-                                 const double *middle, double half)
+                                      const double *middle, double half)
 {
     const double gauss = 0.57735026918962576 * half; /* 1/sqrt 3 */
     const int *n = walk->n;
-    const int i = (int)scatteri_on_axis(middle[0], n[0]), j = (int)scatteri_on_axis(middle[1], n[1]);
+    const int i = (int)scatteri_on_axis(middle[0], n[0]),
+              j = (int)scatteri_on_axis(middle[1], n[1]);
     const int k = (int)scatteri_on_axis(middle[2], n[2]);
     const size_t x = i + 1 < n[0], y = j + 1 < n[1] ? (size_t)n[0] : 0;
     const size_t z = k + 1 < n[2] ? (size_t)n[0] * (size_t)n[1] : 0;
-    const float *c = grid->density + ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)n[0] + (size_t)i;
+    const float *c =
+        grid->density + ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)n[0] + (size_t)i;
     const float v[8] = {c[0], c[x], c[y], c[y + x], c[z], c[z + x], c[z + y], c[z + y + x]};
     double a[3], b[3];
     int axis;
@@ -2341,7 +2345,7 @@ SCATTERI_FN double scatteri_cell_mean(const scatter_grid *grid, const scatteri_w
 }
 
 SCATTERI_FN void scatteri_begin_walk(const scatteri_field *field, const scatteri_segment *s,
-                                scatteri_walk *walk)
+                                     scatteri_walk *walk)
 {
     const scatter_grid *grid = &field->grid;
     int i;
@@ -2461,7 +2465,7 @@ SCATTERI_FN void scatteri_field_lanes_inline(const scatteri_field *field, scatte
    For each voxel the Euclidean distance d from its centre to where the trilinear field is not 0: the union of boxes that
    reach one voxel to either side of each voxel that is not 0. Squared distances are sums over the axes, so d^2 is found
    axis by axis, exactly and in linear time: along z by counting, along y and x as the lower envelope of parabolas
-   (Felzenszwalb and Huttenlocher 2012). What is stored is
+   (Felzenszwalb and Huttenlocher 2012), many columns at a time. What is stored is
 
        g = sqrt(max(d^2 - |h|^2/4, 0)),  h: edges of a voxel (0 along an axis with one voxel),
 
@@ -2477,10 +2481,10 @@ typedef struct scatteri_mapping {
     const scatter_grid *grid;
     uint16_t *distances;
     float *scratch;
-    size_t room;             /* floats of scratch memory for one slab */
+    size_t room; /* floats of scratch memory for one slab */
     int slabs;
-    float z_to_y, y_to_x;    /* squared ratios of edges */
-    float less, units;       /* |h|^2/4 in squares of, and number of units in, an edge along x */
+    float z_to_y, y_to_x; /* squared ratios of edges */
+    float less, units;    /* |h|^2/4 in squares of, and number of units in, an edge along x */
 } scatteri_mapping;
 
 /* Counts voxels since the last one that is not 0. */
@@ -2520,20 +2524,20 @@ static void scatteri_map_z(void *data, int j)
         scatteri_count_down(at, nx, at - slice);
 }
 
-/* Work space for 16 columns of up to n values: rows 0..n+1 of 16, row i + 1 holds value i of each. Parabolas on the
+/* Work space for 32 columns of up to n values: rows 0..n+1 of 32, row i + 1 holds value i of each. Parabolas on the
    envelope are a list: from the last one, `before` leads to the one before it, `from` is where each begins to be the
    lowest. Row 0 ends the lists. */
-typedef struct scatteri_columns16 {
+typedef struct scatteri_columns_work {
     float *f, *wide, *from;
     int *before;
-} scatteri_columns16;
+} scatteri_columns_work;
 
-enum { SCATTERI_COLUMN_ARRAYS = 4 };
+enum { SCATTERI_COLUMNS = 32, SCATTERI_COLUMN_ARRAYS = 4 }; /* 16 and 64 columns are slower */
 
-static scatteri_columns16 scatteri_columns_in(float *memory, int longest)
+static scatteri_columns_work scatteri_columns_in(float *memory, int longest)
 {
-    const size_t size = ((size_t)longest + 2) * SCATTERI_LANES;
-    scatteri_columns16 c;
+    const size_t size = ((size_t)longest + 2) * SCATTERI_COLUMNS;
+    scatteri_columns_work c;
     c.f = memory;
     c.wide = memory + size;
     c.from = memory + 2 * size;
@@ -2543,14 +2547,14 @@ static scatteri_columns16 scatteri_columns_in(float *memory, int longest)
 
 /* The last parabola of each list. */
 typedef struct scatteri_lasts {
-    int at[SCATTERI_LANES];
-    float f[SCATTERI_LANES], from[SCATTERI_LANES];
+    int at[SCATTERI_COLUMNS];
+    float f[SCATTERI_COLUMNS], from[SCATTERI_COLUMNS];
 } scatteri_lasts;
 
-SCATTERI_FN void scatteri_begin_lists(const scatteri_columns16 *c, scatteri_lasts *last)
+SCATTERI_FN void scatteri_begin_lists(const scatteri_columns_work *c, scatteri_lasts *last)
 {
     int l;
-    for (l = 0; l < SCATTERI_LANES; l++) {
+    for (l = 0; l < SCATTERI_COLUMNS; l++) {
         last->at[l] = c->before[l] = 0;
         last->f[l] = c->wide[l] = SCATTERI_FAR;
         last->from[l] = c->from[l] = -2.0f * SCATTERI_FAR;
@@ -2558,34 +2562,34 @@ SCATTERI_FN void scatteri_begin_lists(const scatteri_columns16 *c, scatteri_last
 }
 
 /* Goes back in the lists that are to. */
-SCATTERI_FN void scatteri_go_back(const scatteri_columns16 *c, const int *SCATTERI_RESTRICT back,
+SCATTERI_FN void scatteri_go_back(const scatteri_columns_work *c, const int *SCATTERI_RESTRICT back,
                                   scatteri_lasts *SCATTERI_RESTRICT last)
 {
     const float *f = c->wide, *from = c->from;
     const int *before = c->before;
-    int to[SCATTERI_LANES], l;
-    for (l = 0; l < SCATTERI_LANES; l++) {
-        const int at = last->at[l], earlier = before[at * SCATTERI_LANES + l];
+    int to[SCATTERI_COLUMNS], l;
+    for (l = 0; l < SCATTERI_COLUMNS; l++) {
+        const int at = last->at[l], earlier = before[at * SCATTERI_COLUMNS + l];
         to[l] = at + ((earlier - at) & -back[l]);
     }
-    for (l = 0; l < SCATTERI_LANES; l++) {
+    for (l = 0; l < SCATTERI_COLUMNS; l++) {
         last->at[l] = to[l];
-        last->f[l] = f[to[l] * SCATTERI_LANES + l];
-        last->from[l] = from[to[l] * SCATTERI_LANES + l];
+        last->f[l] = f[to[l] * SCATTERI_COLUMNS + l];
+        last->from[l] = from[to[l] * SCATTERI_COLUMNS + l];
     }
 }
 
 /* Least of each value and its neighbours: the support reaches one voxel further than the voxels. */
-SCATTERI_FN void scatteri_widen(const scatteri_columns16 *c, int n)
+SCATTERI_FN void scatteri_widen(const scatteri_columns_work *c, int n)
 {
     int i, l;
-    for (l = 0; l < SCATTERI_LANES; l++)
-        c->f[l] = c->f[(n + 1) * SCATTERI_LANES + l] = SCATTERI_FAR;
-    for (i = SCATTERI_LANES; i < (n + 1) * SCATTERI_LANES; i++)
-        c->wide[i] = scatteri_min(scatteri_min(c->f[i - SCATTERI_LANES], c->f[i]),
-                                  c->f[i + SCATTERI_LANES]);
-    for (l = 0; l < SCATTERI_LANES; l++)
-        c->wide[(n + 1) * SCATTERI_LANES + l] = SCATTERI_FAR;
+    for (l = 0; l < SCATTERI_COLUMNS; l++)
+        c->f[l] = c->f[(n + 1) * SCATTERI_COLUMNS + l] = SCATTERI_FAR;
+    for (i = SCATTERI_COLUMNS; i < (n + 1) * SCATTERI_COLUMNS; i++)
+        c->wide[i] = scatteri_min(scatteri_min(c->f[i - SCATTERI_COLUMNS], c->f[i]),
+                                  c->f[i + SCATTERI_COLUMNS]);
+    for (l = 0; l < SCATTERI_COLUMNS; l++)
+        c->wide[(n + 1) * SCATTERI_COLUMNS + l] = SCATTERI_FAR;
 }
 
 /* Which columns need parabola i beside its own place: where it is not above that of a neighbour on the side of that
@@ -2594,10 +2598,10 @@ SCATTERI_FN int scatteri_needs_parabola(const float *SCATTERI_RESTRICT f,
                                         int *SCATTERI_RESTRICT counts)
 {
     int l, some = 0;
-    for (l = 0; l < SCATTERI_LANES; l++) {
-        const float here = f[l], below = f[l - SCATTERI_LANES], above = f[l + SCATTERI_LANES];
-        counts[l] = (here + 1.0f < scatteri_max(below, above)) &
-                    (2.0f * here - below - above <= 2.0f);
+    for (l = 0; l < SCATTERI_COLUMNS; l++) {
+        const float here = f[l], below = f[l - SCATTERI_COLUMNS], above = f[l + SCATTERI_COLUMNS];
+        counts[l] =
+            (here + 1.0f < scatteri_max(below, above)) & (2.0f * here - below - above <= 2.0f);
         some |= counts[l];
     }
     return some;
@@ -2610,7 +2614,7 @@ SCATTERI_FN int scatteri_begin_parabola(const float *SCATTERI_RESTRICT f, int i,
                                         float *SCATTERI_RESTRICT start, int *SCATTERI_RESTRICT back)
 {
     int l, some = 0;
-    for (l = 0; l < SCATTERI_LANES; l++) {
+    for (l = 0; l < SCATTERI_COLUMNS; l++) {
         const float there = (float)last->at[l], here = (float)i;
         const float meet = 0.5f * (here + there + (f[l] - last->f[l]) / (here - there));
         start[l] = scatteri_choose(0.5f, there, meet, -SCATTERI_FAR);
@@ -2620,18 +2624,19 @@ SCATTERI_FN int scatteri_begin_parabola(const float *SCATTERI_RESTRICT f, int i,
     return some;
 }
 
-/* Lists of the parabolas on the envelopes of 16 columns, from below to above. */
-SCATTERI_FN void scatteri_list_parabolas(const scatteri_columns16 *c, int n, scatteri_lasts *last)
+/* Lists of the parabolas on the envelopes of 32 columns, from below to above. */
+SCATTERI_FN void scatteri_list_parabolas(const scatteri_columns_work *c, int n,
+                                         scatteri_lasts *last)
 {
-    float start[SCATTERI_LANES];
-    int counts[SCATTERI_LANES], back[SCATTERI_LANES], i, l;
+    float start[SCATTERI_COLUMNS];
+    int counts[SCATTERI_COLUMNS], back[SCATTERI_COLUMNS], i, l;
     for (i = 1; i <= n; i++) {
-        const int row = i * SCATTERI_LANES;
+        const int row = i * SCATTERI_COLUMNS;
         if (!scatteri_needs_parabola(c->wide + row, counts))
             continue;
         while (scatteri_begin_parabola(c->wide + row, i, counts, last, start, back))
             scatteri_go_back(c, back, last);
-        for (l = 0; l < SCATTERI_LANES; l++) {
+        for (l = 0; l < SCATTERI_COLUMNS; l++) {
             c->before[row + l] = last->at[l];
             c->from[row + l] = start[l];
             last->at[l] = counts[l] ? i : last->at[l];
@@ -2645,28 +2650,28 @@ SCATTERI_FN void scatteri_list_parabolas(const scatteri_columns16 *c, int n, sca
 SCATTERI_FN int scatteri_is_behind(const scatteri_lasts *last, int i, int *back)
 {
     int l, some = 0;
-    for (l = 0; l < SCATTERI_LANES; l++) {
+    for (l = 0; l < SCATTERI_COLUMNS; l++) {
         back[l] = last->from[l] > (float)i;
         some |= back[l];
     }
     return some;
 }
 
-/* f of 16 columns becomes the least of f[j] + (i - j)^2 over all j, after widening; SCATTERI_FAR: nothing there. */
-SCATTERI_HOT static void scatteri_lower_envelopes(const scatteri_columns16 *c, int n)
+/* f of 32 columns becomes the least of f[j] + (i - j)^2 over all j, after widening; SCATTERI_FAR: nothing there. */
+SCATTERI_HOT static void scatteri_lower_envelopes(const scatteri_columns_work *c, int n)
 {
     scatteri_lasts last;
-    int back[SCATTERI_LANES], i, l;
+    int back[SCATTERI_COLUMNS], i, l;
     scatteri_widen(c, n);
     scatteri_begin_lists(c, &last);
     scatteri_list_parabolas(c, n, &last);
     for (i = n; i > 0; i--) {
         while (scatteri_is_behind(&last, i, back))
             scatteri_go_back(c, back, &last);
-        for (l = 0; l < SCATTERI_LANES; l++) {
+        for (l = 0; l < SCATTERI_COLUMNS; l++) {
             const float off = (float)(i - last.at[l]);
-            c->f[i * SCATTERI_LANES + l] =
-                scatteri_min(c->wide[i * SCATTERI_LANES + l], last.f[l] + off * off);
+            c->f[i * SCATTERI_COLUMNS + l] =
+                scatteri_min(c->wide[i * SCATTERI_COLUMNS + l], last.f[l] + off * off);
         }
     }
 }
@@ -2677,57 +2682,56 @@ SCATTERI_FN float scatteri_rescale(float square, float ratio)
     return scatteri_choose(square, SCATTERI_FAR, scatteri_min(square * ratio, 1e29f), SCATTERI_FAR);
 }
 
-/* Along y, 16 columns of one slice from i on; `squares` takes squares in edges along x. */
+/* Along y, 32 columns of one slice from i on; `squares` takes squares in edges along x. */
 SCATTERI_HOT static void scatteri_map_y(const scatteri_mapping *job, const uint16_t *counts, int i,
-                                        const scatteri_columns16 *c, float *squares)
+                                        const scatteri_columns_work *c, float *squares)
 {
     const int nx = job->grid->nx, ny = job->grid->ny;
-    const int some = nx - i < SCATTERI_LANES ? nx - i : (int)SCATTERI_LANES;
+    const int some = nx - i < SCATTERI_COLUMNS ? nx - i : (int)SCATTERI_COLUMNS;
     int j, l;
     for (j = 0; j < ny; j++) {
-        float *f = c->f + (j + 1) * SCATTERI_LANES;
+        float *f = c->f + (j + 1) * SCATTERI_COLUMNS;
         for (l = 0; l < some; l++) {
             const int count = counts[j * nx + i + l];
             const float z = scatteri_max((float)count - 1.0f, 0.0f);
             const float square = scatteri_min(z * z * job->z_to_y, 1e29f);
             f[l] = scatteri_choose((float)count, (float)SCATTERI_NONE, square, SCATTERI_FAR);
         }
-        for (; l < SCATTERI_LANES; l++)
+        for (; l < SCATTERI_COLUMNS; l++)
             f[l] = SCATTERI_FAR;
     }
     scatteri_lower_envelopes(c, ny);
     for (j = 0; j < ny; j++)
         for (l = 0; l < some; l++)
             squares[j * nx + i + l] =
-                scatteri_rescale(c->f[(j + 1) * SCATTERI_LANES + l], job->y_to_x);
+                scatteri_rescale(c->f[(j + 1) * SCATTERI_COLUMNS + l], job->y_to_x);
 }
 
 SCATTERI_FN float scatteri_to_units(const scatteri_mapping *job, float square)
 {
-    const float g =
-        scatteri_sqrt(scatteri_max(square - job->less, 0.0f)) * job->units - 1.0f;
+    const float g = scatteri_sqrt(scatteri_max(square - job->less, 0.0f)) * job->units - 1.0f;
     const float kept = scatteri_max(scatteri_cap(g, (float)SCATTERI_NONE - 1.0f), 0.0f);
     return scatteri_choose(square, SCATTERI_FAR, kept, (float)SCATTERI_NONE);
 }
 
-/* Along x, 16 rows of one slice from j on. */
+/* Along x, 32 rows of one slice from j on. */
 SCATTERI_HOT static void scatteri_map_x(const scatteri_mapping *job, const float *squares, int j,
-                                        const scatteri_columns16 *c, uint16_t *distances)
+                                        const scatteri_columns_work *c, uint16_t *distances)
 {
     const int nx = job->grid->nx, ny = job->grid->ny;
-    const int some = ny - j < SCATTERI_LANES ? ny - j : (int)SCATTERI_LANES;
+    const int some = ny - j < SCATTERI_COLUMNS ? ny - j : (int)SCATTERI_COLUMNS;
     int i, l;
-    for (l = 0; l < SCATTERI_LANES; l++) {
+    for (l = 0; l < SCATTERI_COLUMNS; l++) {
         const float *row = squares + (j + (l < some ? l : some - 1)) * nx;
         for (i = 0; i < nx; i++)
-            c->f[(i + 1) * SCATTERI_LANES + l] = row[i];
+            c->f[(i + 1) * SCATTERI_COLUMNS + l] = row[i];
     }
     scatteri_lower_envelopes(c, nx);
-    for (i = SCATTERI_LANES; i < (nx + 1) * SCATTERI_LANES; i++)
+    for (i = SCATTERI_COLUMNS; i < (nx + 1) * SCATTERI_COLUMNS; i++)
         c->f[i] = scatteri_to_units(job, c->f[i]);
     for (l = 0; l < some; l++)
         for (i = 0; i < nx; i++)
-            distances[(j + l) * nx + i] = (uint16_t)(int)c->f[(i + 1) * SCATTERI_LANES + l];
+            distances[(j + l) * nx + i] = (uint16_t)(int)c->f[(i + 1) * SCATTERI_COLUMNS + l];
 }
 
 /* Along y and x, slices of one slab. */
@@ -2738,14 +2742,14 @@ static void scatteri_map_slab(void *data, int slab)
     const int longest = grid->nx > grid->ny ? grid->nx : grid->ny;
     const size_t slice = (size_t)grid->nx * (size_t)grid->ny;
     float *squares = job->scratch + (size_t)slab * job->room;
-    const scatteri_columns16 columns = scatteri_columns_in(squares + slice, longest);
+    const scatteri_columns_work columns = scatteri_columns_in(squares + slice, longest);
     int i, j, k;
     for (k = (int)((int64_t)grid->nz * slab / job->slabs);
          k < (int)((int64_t)grid->nz * (slab + 1) / job->slabs); k++) {
         uint16_t *distances = job->distances + (size_t)k * slice;
-        for (i = 0; i < grid->nx; i += SCATTERI_LANES)
+        for (i = 0; i < grid->nx; i += SCATTERI_COLUMNS)
             scatteri_map_y(job, distances, i, &columns, squares);
-        for (j = 0; j < grid->ny; j += SCATTERI_LANES)
+        for (j = 0; j < grid->ny; j += SCATTERI_COLUMNS)
             scatteri_map_x(job, squares, j, &columns, distances);
     }
 }
@@ -2766,11 +2770,12 @@ static scatteri_mapping scatteri_mapping_of(const scatter_grid *grid)
     job.grid = grid;
     job.slabs = grid->nz < SCATTERI_SLABS ? grid->nz : SCATTERI_SLABS;
     job.room = (size_t)grid->nx * (size_t)grid->ny +
-               SCATTERI_COLUMN_ARRAYS * ((size_t)longest + 2) * SCATTERI_LANES;
+               SCATTERI_COLUMN_ARRAYS * ((size_t)longest + 2) * SCATTERI_COLUMNS;
     job.z_to_y = scatteri_square_ratio(z, y);
     job.y_to_x = scatteri_square_ratio(y, x);
-    job.less = 0.25f * ((float)(grid->nx > 1) + (float)(grid->ny > 1) * scatteri_square_ratio(y, x) +
-                        (float)(grid->nz > 1) * scatteri_square_ratio(z, x));
+    job.less =
+        0.25f * ((float)(grid->nx > 1) + (float)(grid->ny > 1) * scatteri_square_ratio(y, x) +
+                 (float)(grid->nz > 1) * scatteri_square_ratio(z, x));
     job.units = (float)(x / (double)scatteri_field_of(grid).unit);
     return job;
 }
@@ -3527,8 +3532,8 @@ SCATTERI_HOT static void scatteri_clear_lanes(const scatteri_field *field,
         const float pz = (gz - (float)k) * ez, qz = z - scatteri_clamp(z, 0.0f, wz);
         const float outside = qx * qx + qy * qy + qz * qz;
         inside[l] = (float)(outside == 0.0f);
-        off[l] = scatteri_sqrt(
-            scatteri_choose(0.0f, outside, outside, px * px + py * py + pz * pz));
+        off[l] =
+            scatteri_sqrt(scatteri_choose(0.0f, outside, outside, px * px + py * py + pz * pz));
         at[l] = (k * ny + j) * nx + i;
         /* points far from the first ray's origin are rounded */
         slip[l] = 5e-7f * (scatteri_abs(ox) + scatteri_abs(oy) + scatteri_abs(oz) +
@@ -3537,7 +3542,8 @@ SCATTERI_HOT static void scatteri_clear_lanes(const scatteri_field *field,
     for (l = 0; l < SCATTERI_LANES; l++)
         known[l] = (float)field->distances[at[l]];
     for (l = 0; l < SCATTERI_LANES; l++) {
-        const float here = scatteri_choose(0.5f, inside[l], known[l] * field->unit - off[l], off[l]);
+        const float here =
+            scatteri_choose(0.5f, inside[l], known[l] * field->unit - off[l], off[l]);
         clear[l] = scatteri_min(clear[l], here - slip[l]);
     }
 }
@@ -7290,8 +7296,8 @@ static void scatteri_find_step(scatteri_eye *eye, int k, int way, int *seek, int
 static void scatteri_find_mask(scatteri_eye *eye)
 {
     const scatter_context *c = eye->context;
-    const int masked = !c->quality.no_mask && !c->medium.has_analytic &&
-                       (c->light_count > 0 || scatteri_glows(c));
+    const int masked =
+        !c->quality.no_mask && !c->medium.has_analytic && (c->light_count > 0 || scatteri_glows(c));
     int seek[SCATTERI_LANES], l;
     for (l = 0; l < SCATTERI_LANES; l++) {
         seek[l] = eye->rays.t0[l] < eye->rays.t1[l];

@@ -121,8 +121,8 @@ static int skip_open(skip_data *d, int smoke)
         return 0;
     float scale = 0.005f * (smoke ? 126.0f / 48.0f : 1.0f);
     d->grid.density = d->voxels;
-    d->grid.box.max = scatter_v3(scale * (float)d->grid.nx, scale * (float)d->grid.ny,
-                                 scale * (float)d->grid.nz);
+    d->grid.box.max =
+        scatter_v3(scale * (float)d->grid.nx, scale * (float)d->grid.ny, scale * (float)d->grid.nz);
     d->grid.box.min = scatteri_scale(d->grid.box.max, -1);
     for (int i = 0; i < d->grid.nx * d->grid.ny * d->grid.nz; i++)
         filled += d->voxels[i] > 0;
@@ -407,8 +407,7 @@ static void skip_maps(report *r, const skip_data *d, int n)
             at_128 = sizes[s] == 128 ? worse_of(at_128, ms) : at_128;
         }
     report_end(r);
-    report_target(r, at_128 <= 20, "distance map of 128^3 in 20 ms on one core", "%.3g ms",
-                  at_128);
+    report_target(r, at_128 <= 20, "distance map of 128^3 in 20 ms on one core", "%.3g ms", at_128);
 }
 
 static void skip_run(report *r)
@@ -437,14 +436,13 @@ static void skip_run(report *r)
     report_target(r, worst <= 1e-6, "equal images, to 1e-6", "%.2g", worst);
     report_text(r, "The same pictures with light volumes, made anew for each picture, instead of "
                    "shadow rays. Error: relative RMSE against shadow rays and many nodes.");
-    report_table(r, "skip_volumes",
-                 "data|way|nodes|grid|setup, ms|rays, ms|speed-up|error");
+    report_table(r, "skip_volumes", "data|way|nodes|grid|setup, ms|rays, ms|speed-up|error");
     for (int i = 0; i < n; i++)
         gain[i] = skip_volume_rows(r, &data[i], whole, &brute[i]);
     report_end(r);
     report_target(r, gain[0] >= 50 && gain[1] >= 50,
-                  "light volumes: 50 times as fast as brute force at 1 %", "%.3g (cloud), %.3g (smoke)",
-                  gain[0], gain[1]);
+                  "light volumes: 50 times as fast as brute force at 1 %",
+                  "%.3g (cloud), %.3g (smoke)", gain[0], gain[1]);
     skip_maps(r, data, n);
     for (int i = 0; i < n; i++) {
         free(brute[i].rgb);
