@@ -35,6 +35,7 @@
    - Lights: point, spot and directional, any number, shadowed by the medium and by the host's geometry.
    - HDR environment maps as constellations of directional lights.
    - Single scattering, exactly or to a stated error; surfaces lit and seen through the medium.
+   - Empty space in voxels is passed, by a map of distances that is renewed with the voxels, without a change of any bit.
    - The same bits for the same input on the same machine and build, with any number of threads.
    - Plans the cheapest quality for a given error, and tells the error of an image.
    What it does not do (yet): multiple scattering, refraction.
@@ -156,7 +157,7 @@ typedef struct scatter_grid {
     int nx, ny, nz;       /* >= 1 */
     scatter_box box;      /* m */
     float scale;          /* density = value * scale; 0: 1 */
-    unsigned version;     /* change it when the values change */
+    unsigned version;     /* change it when the values change: what is made from them is made anew */
 } scatter_grid;
 
 typedef enum scatter_phase_kind {

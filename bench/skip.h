@@ -16,7 +16,7 @@ enum {
     SKIP_LIGHTS = 20,
     SKIP_LIGHTINGS = 3,
     SKIP_VARIANTS = 3,
-    SKIP_VOLUMES = 6,
+    SKIP_VOLUMES = 7,
     SKIP_SLOW = 1500 /* ms; what takes longer is timed once */
 };
 
@@ -270,7 +270,8 @@ static double skip_table_rows(report *r, const skip_data *d, int data, float *wh
 
 static const struct skip_volume {
     int nodes, grid;
-} skip_volumes[SKIP_VOLUMES] = {{16, 32}, {16, 64}, {32, 64}, {32, 128}, {64, 128}, {64, 192}};
+} skip_volumes[SKIP_VOLUMES] = {{16, 32},  {16, 64},  {32, 64},  {32, 128},
+                                {64, 128}, {64, 192}, {128, 192}};
 
 static void skip_volume_row(report *r, const char *name, const char *way, const scatter_quality *q,
                             const skip_shot *shot, const skip_shot *good, double gain)
