@@ -290,10 +290,10 @@ static void skip_volume_row(report *r, const char *name, const char *way, const 
 /* The most that volumes gain over brute force with at most 1 % error. */
 static double skip_volume_rows(report *r, const skip_data *d, float *whole, const skip_shot *brute)
 {
-    scatter_quality q = setting_of(SCATTER_DEPTH_CLOSED, SCATTER_RAY_QUADRATURE, 48, 0).quality;
+    scatter_quality q = setting_of(SCATTER_DEPTH_CLOSED, SCATTER_RAY_QUADRATURE, 0, 0).quality;
     skip_shot good, shot;
     double best = 0;
-    q.nodes = by_level(8, 16, 48);
+    q.nodes = by_level(8, 16, 128);
     skip_shoot(d, 2, &q, whole, &good);
     skip_volume_row(r, d->name, "reference", &q, &good, &good, skip_ms(brute) / skip_ms(&good));
     q.nodes = skip_steps();
