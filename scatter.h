@@ -4915,7 +4915,8 @@ typedef struct scatteri_sheaf {
     float length;           /* of a column between two layers, m */
     int first_u, first_v, wide;
     float *depth, *density; /* of the columns at the last layer */
-    float *in, *out;        /* SCATTERI_LAYERS layers of lights along x, rows along y */
+    float *in, *out;        /* SCATTERI_LAYERS layers of lights along x, rows along y, */
+    size_t plane;           /* so far apart */
     float *values;
     int stride;
 } scatteri_sheaf;
@@ -4926,6 +4927,12 @@ static int scatteri_offset(float shift, int m, float *fraction)
     const double at = (double)shift * m, whole = floor(at);
     *fraction = (float)(at - whole);
     return (int)whole;
+}
+
+/* Memory of a layer square to x: an odd number of cache lines, or all of them would fall on the same places in a cache. */
+static size_t scatteri_plane(const scatteri_lattice *g)
+{
+    return (((size_t)g->n[1] * (size_t)g->n[2] + 15) / 16 | 1) * 16;
 }
 
 /* The most that the columns through a layer need beyond its points: a point of the weights on one side, two on the
@@ -4940,7 +4947,7 @@ static size_t scatteri_sheaf_room(const scatteri_lattice *g)
         const size_t room = 2 * (u + n + 4) * (v + n + 4);
         most = room > most ? room : most;
     }
-    return most + 2 * (size_t)SCATTERI_LAYERS * (size_t)g->n[1] * (size_t)g->n[2];
+    return most + 2 * (size_t)SCATTERI_LAYERS * scatteri_plane(g);
 }
 
 /* What moves by less than a thousandth of a point on the whole way counts as at rest. */
@@ -4975,8 +4982,9 @@ static scatteri_sheaf scatteri_bind(const scatteri_lattice *g, scatter_vec3 w, f
     moved = scatteri_offset(s.shift_v, s.layers - 1, &fraction);
     s.first_v = -2 - (moved > 0 ? moved : 0);
     s.in = work;
-    s.out = s.in + (size_t)SCATTERI_LAYERS * (size_t)g->n[1] * (size_t)g->n[2];
-    s.depth = s.out + (size_t)SCATTERI_LAYERS * (size_t)g->n[1] * (size_t)g->n[2];
+    s.plane = scatteri_plane(g);
+    s.out = s.in + (size_t)SCATTERI_LAYERS * s.plane;
+    s.depth = s.out + (size_t)SCATTERI_LAYERS * s.plane;
     s.density = s.depth + (size_t)s.wide * (size_t)(s.nv + 3 + (moved > 0 ? moved : -moved));
     return s;
 }
@@ -5133,16 +5141,17 @@ SCATTERI_HOT static void scatteri_turn_layers(const scatteri_sheaf *s, int first
     for (i = 0; i < plane; i++)
         if (out)
             for (t = 0; t < count; t++)
-                values[((size_t)t + i * s->su) * (size_t)s->stride] = s->out[(size_t)t * plane + i];
+                values[((size_t)t + i * s->su) * (size_t)s->stride] =
+                    s->out[(size_t)t * s->plane + i];
         else
             for (t = 0; t < count; t++)
-                s->in[(size_t)t * plane + i] = density[(size_t)t + i * s->su];
+                s->in[(size_t)t * s->plane + i] = density[(size_t)t + i * s->su];
 }
 
 /* Layers first..first+count, in the order of the light. */
 static void scatteri_pass_layers(const scatteri_sheaf *s, int first, int count)
 {
-    const size_t plane = (size_t)s->nu * (size_t)s->nv, stride = (size_t)s->stride;
+    const size_t stride = (size_t)s->stride;
     scatteri_layer layer;
     int t;
     if (s->axis == 0)
@@ -5151,9 +5160,9 @@ static void scatteri_pass_layers(const scatteri_sheaf *s, int first, int count)
         const int on = s->backward ? count - 1 - t : t, at = first + on;
         scatteri_begin_layer(s, s->backward ? s->layers - 1 - at : at, &layer);
         if (s->axis == 0) {
-            layer.points = s->in + (size_t)on * plane;
+            layer.points = s->in + (size_t)on * s->plane;
             layer.row = (size_t)s->nu;
-            scatteri_pass_layer(s, &layer, 1, (size_t)s->nu, s->out + (size_t)on * plane);
+            scatteri_pass_layer(s, &layer, 1, (size_t)s->nu, s->out + (size_t)on * s->plane);
         } else {
             layer.points = s->g->density + (size_t)at * s->sl;
             layer.row = s->sv;
@@ -5754,10 +5763,10 @@ static const float scatteri_nanoseconds[SCATTERI_WORKS] = {
     13.7f,   /* shadow */
     700.0f,  /* crossing */
     138.0f,  /* read */
-    150.0f,  /* together */
+    130.0f,  /* together */
     120.0f,  /* call */
     19.0f,   /* cell */
-    40.0f,   /* point */
+    110.0f,  /* point */
     1280.0f, /* rule */
     0.0f     /* strain */
 };
@@ -8555,18 +8564,12 @@ static void scatteri_count_columns(const scatter_context *c, const scatteri_ligh
                                    double *work)
 {
     scatter_depth d = light->depth;
-    scatteri_lattice lattice;
     double pairs = 0.0, pages = 0.0, gathers = 0.0, share;
     scatteri_shells shells;
     int i, rows;
     d.medium = &c->medium;
     d.source = light->source;
     d.method = SCATTER_DEPTH_POLAR;
-    if (light->source.directional) {
-        scatteri_lay_lattice(&lattice, c->medium.local, n);
-        work[SCATTERI_WORK_POINT] += (double)scatteri_lattice_points(&lattice) / SCATTERI_LANES;
-        return;
-    }
     scatteri_lay_out(&d, n);
     rows = (d.nx - 1) / SCATTERI_LANES + 1;
     for (i = 0; i < SCATTERI_SAMPLED; i++) {
@@ -8585,16 +8588,41 @@ static void scatteri_count_columns(const scatter_context *c, const scatteri_ligh
         (double)rows * d.ny * d.nz * (1.0 + 10.0 * (double)c->medium.desc.grid_count);
 }
 
+static int scatteri_count_directional(const scatter_context *c)
+{
+    int count = 0, i;
+    for (i = 0; i < c->light_count; i++)
+        count += c->lights[i].source.directional;
+    return count;
+}
+
+/* Adds the work of filling polar volumes and the lattice of all lights. */
+static void scatteri_count_lights(const scatter_context *c, int n, double *work)
+{
+    const int suns = scatteri_count_directional(c);
+    scatteri_lattice lattice;
+    double points;
+    int i;
+    for (i = 0; i < c->light_count; i++)
+        if (!c->lights[i].source.directional)
+            scatteri_count_columns(c, &c->lights[i], n, work);
+    if (suns == 0)
+        return;
+    scatteri_lay_lattice(&lattice, c->medium.local, n);
+    points = (double)scatteri_lattice_points(&lattice) / SCATTERI_LANES;
+    work[SCATTERI_WORK_CELL] += points * (1.0 + 10.0 * (double)c->medium.desc.grid_count);
+    work[SCATTERI_WORK_POINT] += points * suns;
+}
+
 /* Nanoseconds of scatter_update in a fresh context, without what all settings share. */
 static double scatteri_setup_cost(const scatter_context *c, const scatter_quality *q)
 {
     const double n = (double)q->nodes;
     double work[SCATTERI_WORKS] = {0.0};
-    int i;
     if (q->ray == SCATTER_RAY_QUADRATURE)
         work[SCATTERI_WORK_RULE] = n * n;
-    for (i = 0; i < c->light_count && q->depth == SCATTER_DEPTH_POLAR; i++)
-        scatteri_count_columns(c, &c->lights[i], q->grid, work);
+    if (q->depth == SCATTER_DEPTH_POLAR)
+        scatteri_count_lights(c, q->grid, work);
     if (q->density == SCATTER_DENSITY_VOLUME)
         work[SCATTERI_WORK_CELL] += (double)q->grid * q->grid * q->grid / (double)SCATTERI_LANES;
     return scatteri_cost(work);
@@ -8681,13 +8709,20 @@ static void scatteri_consider(scatteri_planner *p, const scatter_forecast *f)
     p->best_cost = cost;
 }
 
-/* Nanoseconds of an image if its depths came from volumes. */
-static double scatteri_volume_cost(const double *work)
+/* Nanoseconds of an image if its depths came from volumes; directional lights are read together, if more than one is and
+   nothing cuts the rays for each. */
+static double scatteri_volume_cost(const scatteri_planner *p, const double *work)
 {
+    const scatter_context *c = p->context;
+    const int suns = scatteri_count_directional(c);
+    const int together = suns > 1 && c->scene.visible == NULL && !c->medium.has_analytic;
+    const double share = together ? (double)suns / c->light_count : 0.0;
     double with[SCATTERI_WORKS];
     memcpy(with, work, sizeof with);
     with[SCATTERI_WORK_SHADOW] = with[SCATTERI_WORK_CROSSING] = 0.0;
     with[SCATTERI_WORK_TEST] = with[SCATTERI_WORK_GATHER] = 0.0;
+    with[SCATTERI_WORK_TOGETHER] = share / SCATTERI_TOGETHER * with[SCATTERI_WORK_LIGHT];
+    with[SCATTERI_WORK_LIGHT] *= 1.0 - share;
     with[SCATTERI_WORK_READ] = with[SCATTERI_WORK_LIGHT];
     return scatteri_cost(with);
 }
@@ -8710,7 +8745,7 @@ static scatter_result scatteri_climb(scatteri_planner *p, scatter_quality *quali
         *kept = f.kept ? i : -1;
         stuck = before < SCATTERI_ASTRAY && f.estimate.error > 0.95f * before ? stuck + 1 : 0;
         before = f.estimate.error;
-        if (scatteri_too_dear(p, scatteri_volume_cost(p->work)))
+        if (scatteri_too_dear(p, scatteri_volume_cost(p, p->work)))
             break;
     }
     return SCATTER_OK;
@@ -8720,7 +8755,7 @@ static scatter_result scatteri_climb(scatteri_planner *p, scatter_quality *quali
    fall with the square of the cells are left out. */
 static scatter_result scatteri_try_volumes(scatteri_planner *p, scatter_quality quality)
 {
-    const double rays = scatteri_volume_cost(p->work);
+    const double rays = scatteri_volume_cost(p, p->work);
     float need = 0.0f;
     int i;
     quality.depth = SCATTER_DEPTH_POLAR;

@@ -287,8 +287,7 @@ static void plans_note_volume(plans_bench *b, const scatter_context *context, do
     double work[SCATTERI_WORKS] = {0};
     if (context->quality.depth != SCATTER_DEPTH_POLAR || !context->medium.has_local)
         return;
-    for (int i = 0; i < context->light_count; i++)
-        scatteri_count_columns(context, &context->lights[i], context->quality.grid, work);
+    scatteri_count_lights(context, context->quality.grid, work);
     plans_note(&b->fit, work, ms);
 }
 
