@@ -66,6 +66,11 @@
       light moved, the injection of the medium if the medium changed. Voxel values are compared by the grid's
       `version`, everything else by value. Arrays and voxels that the scene points to are copied, except the
       voxels, which stay yours and must stay alive and unchanged until the next update.
+      quality.lights_per_update spreads that over updates: of the depth volumes that are out of date only so many are
+      redone, those first that have been so for longest, so that all are current after lights / lights_per_update
+      updates (rounded up). A light that waits keeps its depth of the medium and direction of then; its irradiance and
+      phase function, and the density that is seen, are current. What never had a volume is always filled; all are if
+      quality.depth or quality.grid changes, or a medium outgrows the box that the volumes of directional lights are for.
    3. scatter_render for images, scatter_radiance for single rays, scatter_depth_* and scatter_inject for the
       stages on their own.
    4. Instead of choosing a scatter_quality, name an error: scatter_plan finds the cheapest quality that keeps it.
@@ -256,7 +261,9 @@ typedef enum scatter_depth_method {
     SCATTER_DEPTH_EQ6,           /* Giroud and Biri 2012 as printed: the inconsistent baseline */
     SCATTER_DEPTH_UPWIND,        /* its consistent form, first order */
     SCATTER_DEPTH_SHORT,         /* short characteristics, bilinear on the upwind face */
-    SCATTER_DEPTH_POLAR,         /* running sums along directions around the light, second order */
+    SCATTER_DEPTH_POLAR,         /* running sums along directions around the light, second order; directional lights
+                                    share points along the axes: n on the longest side, 4 bytes a light and point (16
+                                    for each four lights begun, if more than one), and 4 for the density of all */
     SCATTER_DEPTH_MARCH          /* every cell marches to the light in steps of one cell */
 } scatter_depth_method;
 

@@ -511,7 +511,7 @@ static void suns_run(report *r)
         "%d nodes. Times of rays are those of a tile in each square of %d pixels (with shadow "
         "rays, of %dx%d pixels of it, which are those compared), scaled to the image. Of the "
         "volumes the front is shown.",
-        suns_size(), suns_size(), SUNS_STEP, SUNS_BLOCK, SUNS_BLOCK);
+        suns_size(), suns_size(), SUNS_BEST, SUNS_STEP, SUNS_BLOCK, SUNS_BLOCK);
     for (int fine = 0; fine < by_level(1, 2, SUNS_MEDIA); fine++)
         suns_medium(r, fine);
     suns_in_turn(r);
