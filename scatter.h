@@ -5381,7 +5381,7 @@ SCATTERI_HOT static void scatteri_read_together(const scatteri_lattice *g, const
                                                 float (*depth)[SCATTERI_POINTS])
 {
     const size_t sy = (size_t)g->n[0] * SCATTERI_TOGETHER, sz = sy * (size_t)g->n[1];
-    float all[SCATTERI_POINTS * SCATTERI_TOGETHER];
+    float all[(int)SCATTERI_POINTS * (int)SCATTERI_TOGETHER];
     int i, c;
     for (i = 0; i < count; i++) {
         const float *SCATTERI_RESTRICT v = values + (size_t)s->base[i] * SCATTERI_TOGETHER;
@@ -8616,7 +8616,7 @@ static void scatteri_count_lights(const scatter_context *c, int n, double *work)
     if (suns == 0)
         return;
     scatteri_lay_lattice(&lattice, c->medium.local, n);
-    points = (double)scatteri_lattice_points(&lattice) / SCATTERI_LANES;
+    points = (double)scatteri_lattice_points(&lattice) / (double)SCATTERI_LANES;
     work[SCATTERI_WORK_CELL] += points * (1.0 + 10.0 * (double)c->medium.desc.grid_count);
     work[SCATTERI_WORK_POINT] += points * suns;
 }
@@ -8728,7 +8728,7 @@ static double scatteri_volume_cost(const scatteri_planner *p, const double *work
     memcpy(with, work, sizeof with);
     with[SCATTERI_WORK_SHADOW] = with[SCATTERI_WORK_CROSSING] = 0.0;
     with[SCATTERI_WORK_TEST] = with[SCATTERI_WORK_GATHER] = 0.0;
-    with[SCATTERI_WORK_TOGETHER] = share / SCATTERI_TOGETHER * with[SCATTERI_WORK_LIGHT];
+    with[SCATTERI_WORK_TOGETHER] = share / (double)SCATTERI_TOGETHER * with[SCATTERI_WORK_LIGHT];
     with[SCATTERI_WORK_LIGHT] *= 1.0 - share;
     with[SCATTERI_WORK_READ] = with[SCATTERI_WORK_LIGHT];
     return scatteri_cost(with);

@@ -121,7 +121,7 @@ static size_t suns_pick(const float *rgb, float *out)
     return n;
 }
 
-/* Setup in a fresh context and rays of the sample. With shadow rays only what is compared is rendered. */
+/* Setup in a fresh context and rays of the sample; with shadow rays only of what is compared. */
 static void suns_measure(suns_bench *b, setting *s)
 {
     bench_host books = {0, 1};
@@ -309,8 +309,9 @@ static void suns_limit(report *r, suns_bench *b)
 
 static void suns_whole(report *r, suns_bench *b)
 {
-    report_text(r, "%s, 20 lights, %dx%d, whole images (grid 0: the default; with two threads on the wall):", b->title,
-                suns_size(), suns_size());
+    report_text(
+        r, "%s, 20 lights, %dx%d, whole images (grid 0: the default; two threads: on the wall):",
+        b->title, suns_size(), suns_size());
     report_table(r, b->name[0] == 'f' ? "suns_whole_fine" : "suns_whole_cloud",
                  "medium|lights|nodes|grid|threads|setup ms|image ms|memory MB");
     suns_fill_sky(b->lights, 20);
@@ -406,7 +407,7 @@ static void suns_move_smoke(suns_smoke *k, double angle)
     k->grid.version++;
 }
 
-/* `sky`: the sky turns, else the smoke does; by 1.2 degrees a frame, 10 s a turn at 30 frames a second. */
+/* `sky`: the sky turns, else the smoke does; 1.2 degrees a frame: 10 s a turn, 30 frames a second. */
 static void suns_turn_row(report *r, suns_smoke *k, int sky, int per_update)
 {
     enum { SIZE = 96, FIRST = 20 };

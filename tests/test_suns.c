@@ -67,7 +67,7 @@ static double depth_error(const scatter_medium *m, scatter_vec3 w, int grid, flo
 }
 
 /* Gaussians are smooth: linear interpolation between the points is the largest error, and of second
-   order for every direction. Points of 0.035 and Gaussians of a = 5: a^2 h^2/6 = 0.5 % at the peak. */
+   order for every direction. Points 0.035 apart and a = 5 err by a^2 h^2/6 = 0.5 % at a peak. */
 static void test_depth_is_second_order(void **state)
 {
     check_world w;
@@ -152,7 +152,7 @@ static void test_depth_in_a_long_box(void **state)
     assert_int_equal(g.n[1], 33);
     assert_int_equal(g.n[2], 9);
     for (i = 0; i < CHECK_COUNT(directions); i++)
-        /* measured 0.016: eight steps for the kinks behind the edges of the box, which cuts the Gaussian */
+        /* measured 0.016: eight steps for the kinks behind the edges of a box that cuts the Gaussian */
         assert_at_most(depth_error(&w.scene.medium, directions[i], 129, 0.09f, 0.19f, 0), 0.025);
 }
 
@@ -482,7 +482,7 @@ static unsigned redone(scatter_context *c, const scatter_scene *scene, const sca
     return scatter_get_stats(c).propagations - before;
 }
 
-/* Seven lights, at most three in an update: all at first, then 3 + 3 + 1 for each change; the others
+/* Seven lights, at most three in an update: all at first, then 3 + 3 + 1 for a change; the others
    keep what they held, and in the end the picture is that of a fresh context. */
 static void test_lights_in_turn(void **state)
 {
