@@ -1764,14 +1764,16 @@ static const char scatteri_gl_merge[] =
 /* --- distance to voxels that hold something ---
    Trilinear density is 0 but in the boxes between the neighbours of voxels that hold something. The squared distance to
    these boxes is a sum over the axes, so its least value is found along one axis after the other, exactly: each pass
-   looks along its axis until no farther place can be nearer. Flooding by jumps would be no use: its errors make
+   looks along its axis until no farther place can be nearer. Distances above SCATTERI_REACH end there. Flooding by jumps would be no use: its errors make
    distances too large. */
 static const char scatteri_gl_nearest[] =
     "uniform highp sampler3D scatteri_volume;\n"
+    /* Longer distances are stored as this many voxels: that bounds the search, and is a long jump still. */
+    "const float SCATTERI_REACH = 32.0;\n"
     /* The distance, squared, by what the passes before have found. */
     "float scatteri_known(ivec3 p) {\n"
     "#ifdef SCATTERI_FIELD\n"
-    "    return texelFetch(scatteri_field, p, 0).x > 0.0 ? 0.0 : SCATTERI_FAR;\n"
+    "    return texelFetch(scatteri_field, p, 0).x > 0.0 ? 0.0 : SCATTERI_REACH * SCATTERI_REACH;\n"
     "#else\n"
     "    return texelFetch(scatteri_volume, p, 0).x;\n"
     "#endif\n"
@@ -1828,7 +1830,7 @@ static const char scatteri_gl_spaced[] =
     "    for (int s = 0; s < SCATTERI_SLICES; s++) {\n"
     "        ivec3 p = ivec3(gl_FragCoord.xy, min(scatteri_at.x + s, size.z - 1));\n"
     "        float least = scatteri_nearest(p, ivec3(0, 0, 1), size.z, edges.z);\n"
-    "        float room = min(sqrt(max(least - 0.25 * dot(between, between), 0.0)), 4096.0);\n"
+    "        float room = sqrt(max(least - 0.25 * dot(between, between), 0.0));\n"
     "        room *= scatteri_at.y > 0 ? 1.0 - 1.0 / 1024.0 : 1.0;\n"
     "        values[s] = vec4(texelFetch(scatteri_field, p, 0).x, room, 0.0, 0.0);\n"
     "    }\n"

@@ -36,13 +36,21 @@ typedef struct gl_skip_data {
 } gl_skip_data;
 
 static const gl_skip_data gl_skip_list[GL_SKIP_SCENES] = {
-    {"Disney cloud", "../shared/data/volumes/wdas_cloud_sixteenth_126x86x154_u8.raw",
+    {"Disney cloud",
+     "../shared/data/volumes/wdas_cloud_sixteenth_126x86x154_u8.raw",
      "image 64 64\ncamera perspective 420 200 560 -11.6667 71.6667 -45 0 1 0 50\n"
      "medium 0.06 0.06 0.06 0.95 0.95 0.95\n",
-     {-221.666667f, -71.666667f, -301.666667f}, {198.333333f, 215, 211.666667f}, 1, 64},
-    {"ISPC smoke", "../shared/data/volumes/ispc_smoke_48x64x48.vol.txt",
+     {-221.666667f, -71.666667f, -301.666667f},
+     {198.333333f, 215, 211.666667f},
+     1,
+     64},
+    {"ISPC smoke",
+     "../shared/data/volumes/ispc_smoke_48x64x48.vol.txt",
      "image 64 64\ncamera perspective 0 2.4 8 0 2 0 0 1 0 40\nmedium 16 16 16 0.9 0.9 0.9\n",
-     {-1.5f, 0, -1.5f}, {1.5f, 4, 1.5f}, 1, 64}};
+     {-1.5f, 0, -1.5f},
+     {1.5f, 4, 1.5f},
+     1,
+     64}};
 
 typedef struct gl_skip {
     gl_scene scene;
@@ -181,7 +189,8 @@ static double gl_skip_off(const gl_skip *b)
 static void gl_skip_measure(gl_skip *b, gl_skip_shading shading)
 {
     size_t lights = shading == GL_SKIP_ALPHA ? 0 : GL_SKIP_LIGHTS;
-    must(scatter_gl_set_lights(b->scene.fog, b->scene.host.lights, lights), "scatter_gl_set_lights");
+    must(scatter_gl_set_lights(b->scene.fog, b->scene.host.lights, lights),
+         "scatter_gl_set_lights");
     b->off = 0;
     for (int how = 0; how < GL_SKIP_HOWS; how++) {
         scatter_quality q = gl_skip_quality(b, (gl_skip_how)how);
@@ -220,8 +229,8 @@ static void gl_skip_targets(report *r, const gl_skip *b)
 {
     char target[160];
     double ratio = timing_median(&b->ms[GL_SKIP_NONE]) / timing_median(&b->ms[GL_SKIP_BOTH]);
-    snprintf(target, sizeof target, "%s: mask and distance map, self-shadowed: >= 8.2 times as fast",
-             b->data->name);
+    snprintf(target, sizeof target,
+             "%s: mask and distance map, self-shadowed: >= 8.2 times as fast", b->data->name);
     report_target(r, ratio >= 8.2, target, "%.1f times", ratio);
     snprintf(target, sizeof target, "%s: skipped and unskipped pictures equal to 1e-6",
              b->data->name);
@@ -248,6 +257,210 @@ static void gl_skip_table(report *r)
     report_end(r);
 }
 
+/* ------------------------------------------------------------------------------- light volumes */
+
+#define GL_SKIP_ERROR 0.01
+
+enum { GL_SKIP_VOLUMES = 5 };
+
+/* Cells along an axis of the volumes, nodes. */
+static const int gl_skip_volumes[GL_SKIP_VOLUMES][2] = {{64, 8}, {64, 16}, {64, 32}, {96, 32}, {128, 32}};
+
+/* Every so many pixels by scatter.h: depth exact in each cell, many nodes. */
+typedef struct gl_skip_truth {
+    int lattice;
+    float *reference, *few;
+} gl_skip_truth;
+
+static size_t gl_skip_truth_values(const gl_skip_truth *t)
+{
+    return (size_t)(3 * t->lattice * t->lattice);
+}
+
+static void gl_skip_open_truth(gl_skip_truth *t, const gl_skip *b)
+{
+    t->lattice = by_level(4, 8, 16);
+    t->reference = floats(gl_skip_truth_values(t));
+    t->few = floats(gl_skip_truth_values(t));
+    scatter_view view =
+        view_lattice(scene_view(&b->scene.file, b->size, b->size), b->size, t->lattice);
+    scatter_image image = image_of(t->reference, t->lattice, t->lattice);
+    setting exact = setting_of(SCATTER_DEPTH_CLOSED, SCATTER_RAY_QUADRATURE, 32, 0);
+    render_timed(&exact, &b->scene.file.scene, &view, &image);
+}
+
+static double gl_skip_error(gl_skip *b, const gl_skip_truth *t)
+{
+    image_lattice(gl_picture(&b->scene), b->size, t->lattice, t->few);
+    return relative_rmse(t->few, t->reference, gl_skip_truth_values(t));
+}
+
+static void gl_skip_volume_row(report *r, const gl_skip *b, const char *way, const setting *s,
+                               double brute)
+{
+    report_cell(r, "%s", b->data->name);
+    report_cell(r, "%s", way);
+    report_cell(r, "%d", s->quality.nodes);
+    report_cell(r, "%d", s->quality.grid);
+    report_cell(r, "%.3g%s", timing_median(&s->setup), timing_flag(&s->setup));
+    report_cell(r, "%.3g%s", timing_median(&s->rays), timing_flag(&s->rays));
+    report_cell(r, "%d", s->rays.n);
+    report_cell(r, "%.1f", brute / timing_median(&s->rays));
+    report_cell(r, "%.1f", brute / setting_ms(s));
+    report_cell(r, "%.3g", 100 * s->rmse);
+    report_row(r, 1);
+}
+
+/* Shadow rays with and without skipping; returns ms without. */
+static double gl_skip_brute(report *r, gl_skip *b, const gl_skip_truth *t)
+{
+    static const char *const names[GL_SKIP_HOWS] = {"shadow rays", "", "shadow rays, skipping"};
+    double brute = 0;
+    for (int how = GL_SKIP_NONE; how < GL_SKIP_HOWS; how += GL_SKIP_BOTH) {
+        setting s = setting_of(SCATTER_DEPTH_CLOSED, SCATTER_RAY_MARCH, b->data->steps, 0);
+        s.quality = gl_skip_quality(b, (gl_skip_how)how);
+        gl_measure(&b->scene, &s, how == GL_SKIP_NONE ? 1 : gl_rounds(GL_SKIP_ROUNDS));
+        s.rmse = gl_skip_error(b, t);
+        brute = how == GL_SKIP_NONE ? timing_median(&s.rays) : brute;
+        gl_skip_volume_row(r, b, names[how], &s, brute);
+    }
+    return brute;
+}
+
+static void gl_skip_volumes_of(report *r, gl_skip *b)
+{
+    gl_skip_truth t;
+    char target[160];
+    double best = 0, off = 1;
+    must(scatter_gl_set_lights(b->scene.fog, b->scene.host.lights, GL_SKIP_LIGHTS),
+         "scatter_gl_set_lights");
+    gl_skip_open_truth(&t, b);
+    double brute = gl_skip_brute(r, b, &t);
+    for (int i = 0; i < by_level(1, 3, GL_SKIP_VOLUMES); i++) {
+        setting s = setting_of(SCATTER_DEPTH_POLAR, SCATTER_RAY_QUADRATURE, gl_skip_volumes[i][1],
+                               gl_skip_volumes[i][0]);
+        gl_measure(&b->scene, &s, gl_rounds(GL_SKIP_ROUNDS));
+        s.rmse = gl_skip_error(b, &t);
+        gl_skip_volume_row(r, b, "volumes", &s, brute);
+        if (s.rmse <= GL_SKIP_ERROR && brute / timing_median(&s.rays) > best) {
+            best = brute / timing_median(&s.rays);
+            off = s.rmse;
+        }
+    }
+    snprintf(target, sizeof target, "%s: light volumes at 1 %%: >= 50 times as fast as shadow rays",
+             b->data->name);
+    report_target(r, best >= 50, target, "%.1f times at %.3g %%", best, 100 * off);
+    free(t.reference);
+    free(t.few);
+}
+
+static void gl_skip_volumes_table(report *r)
+{
+    report_table(r, "gl_skip_volumes",
+                 "scene|light by|nodes|cells|update ms|view ms|n|times as fast|with update|RMSE %");
+    for (int i = 0; i < GL_SKIP_SCENES; i++) {
+        gl_skip b;
+        if (!gl_skip_open(&b, &gl_skip_list[i]))
+            continue;
+        gl_skip_volumes_of(r, &b);
+        gl_skip_close(&b);
+    }
+    report_end(r);
+}
+
+/* ------------------------------------------------------------------------------- distance maps */
+
+enum { GL_SKIP_SIZES = 3 };
+
+static const int gl_skip_sizes[GL_SKIP_SIZES] = {32, 64, 128};
+
+/* Balls here and there, about a tenth of the box. */
+static float *gl_skip_balls(int n)
+{
+    float *v = floats((size_t)n * (size_t)n * (size_t)n);
+    uint64_t seed = 5;
+    for (int ball = 0; ball < 12; ball++) {
+        scatter_vec3 c = random_point(&seed);
+        float r = random_between(&seed, 0.05, 0.17);
+        for (int i = 0; i < n * n * n; i++) {
+            float x = ((float)(i % n) + 0.5f) / (float)n - c.x;
+            float y = ((float)(i / n % n) + 0.5f) / (float)n - c.y;
+            float z = ((float)(i / n / n) + 0.5f) / (float)n - c.z;
+            v[i] += x * x + y * y + z * z < r * r ? 1.0f : 0.0f;
+        }
+    }
+    return v;
+}
+
+static double gl_skip_processor_ms(const scatter_medium *medium)
+{
+    scatter_host host = scatteri_host_or_default(NULL);
+    scatteri_medium m;
+    memset(&m, 0, sizeof m);
+    must(scatteri_prepare(&host, &m, medium), "scatteri_prepare");
+    double start = thread_ms();
+    must(scatteri_map_medium(&host, &m), "scatteri_map_medium");
+    double ms = thread_ms() - start;
+    scatteri_drop_medium(&host, &m);
+    return ms;
+}
+
+/* Drawing the map again of voxels that are there. */
+static double gl_skip_map_ms(scatter_gl *f)
+{
+    scatteri_gl_state state;
+    scatteri_gl_save(f, &state);
+    gl_start();
+    must(scatteri_gl_measure_distance(f), "scatteri_gl_measure_distance");
+    double ms = gl_stop();
+    scatteri_gl_restore(f, &state);
+    return ms;
+}
+
+static void gl_skip_map_row(report *r, int n)
+{
+    scatter_medium medium;
+    scatter_grid grid;
+    gl_scene s;
+    timing gpu = {{0}, 0}, cpu = {{0}, 0};
+    scatter_quality q;
+    memset(&q, 0, sizeof q);
+    q.depth = SCATTER_DEPTH_CLOSED;
+    q.density = SCATTER_DENSITY_EXACT;
+    memset(&medium, 0, sizeof medium);
+    memset(&grid, 0, sizeof grid);
+    memset(&s, 0, sizeof s);
+    gl_scene_fog(&s, 1, 1, 0);
+    float *voxels = gl_skip_balls(n);
+    grid.density = voxels;
+    grid.nx = grid.ny = grid.nz = n;
+    grid.box.max = scatter_v3(1, 1, 1);
+    medium.extinction = scatter_v3(1, 1, 1);
+    medium.grids = &grid;
+    medium.grid_count = 1;
+    must(scatter_gl_set_medium(s.fog, &medium), "scatter_gl_set_medium");
+    must(scatter_gl_update(s.fog, &q, NULL), "scatter_gl_update");
+    for (int i = 0; i < GL_SKIP_ROUNDS; i++) {
+        timing_add(&gpu, gl_skip_map_ms(s.fog));
+        timing_add(&cpu, gl_skip_processor_ms(&medium));
+    }
+    report_cell(r, "%d^3", n);
+    report_cell(r, "%.3g%s", timing_median(&gpu), timing_flag(&gpu));
+    report_cell(r, "%.3g%s", timing_median(&cpu), timing_flag(&cpu));
+    report_cell(r, "%d", gpu.n);
+    report_row(r, 1);
+    scatter_gl_destroy(s.fog);
+    free(voxels);
+}
+
+static void gl_skip_maps_table(report *r)
+{
+    report_table(r, "gl_skip_maps", "voxels|passes ms|scatter.h, one thread, ms|n");
+    for (int i = 0; i < by_level(1, 2, GL_SKIP_SIZES); i++)
+        gl_skip_map_row(r, gl_skip_sizes[i]);
+    report_end(r);
+}
+
 static void gl_skip_run(report *r)
 {
     report_text(r, "## Empty space");
@@ -259,6 +472,14 @@ static void gl_skip_run(report *r)
                 GL_SKIP_LIGHTS, gl_skip_size(), gl_skip_size(), gl_skip_list[0].steps,
                 gl_skip_list[1].steps);
     gl_skip_table(r);
+    report_text(r, "Light volumes instead: columns around each light, quadrature. `update`: from a "
+                   "changed medium to volumes, and distance maps, that are ready. Errors against "
+                   "scatter.h with exact depth and 32 nodes.");
+    gl_skip_volumes_table(r);
+    report_text(r, "Distance maps of twelve balls, exact: three passes, each texel looking along "
+                   "one axis as far as something nearer may be, beside the linear transform of "
+                   "scatter.h.");
+    gl_skip_maps_table(r);
 }
 
 #endif

@@ -1055,7 +1055,7 @@ static void test_tone_window(gl_rig *rig) {
 
 /* -------------------------------------------------------------------- >>distance */
 
-enum { NEAR_X = 17, NEAR_Y = 9, NEAR_Z = 7 };
+enum { NEAR_X = 43, NEAR_Y = 5, NEAR_Z = 5, REACH = 32 };
 
 /* Few voxels hold something: one of `rarity`. */
 static void open_rare_voxels(check_world *w, scatter_box box, int rarity, uint64_t seed) {
@@ -1090,9 +1090,10 @@ static double true_distance(const check_world *w, const scatter_vec3 edge, const
     return sqrt(least);
 }
 
-/* What the map must hold there, metres; NEAR_FAR: without what keeps it below the distance between voxels. */
+/* What the map must hold there, metres, up to 32 voxels; NEAR_FAR: without what keeps it below the distance between voxels. */
 static double true_room(const check_world *w, scatter_vec3 edge, int i, int j, int k, near_fault what) {
-    const double x[3] = {i, j, k}, d = true_distance(w, edge, x, what);
+    const double longest = fmax((double)edge.x, fmax((double)edge.y, (double)edge.z));
+    const double x[3] = {i, j, k}, d = fmin(true_distance(w, edge, x, what), REACH * longest);
     const double off = what == NEAR_FAR ? 0.0 : 0.25 * (double)scatteri_dot(edge, edge);
     return sqrt(fmax(d * d - off, 0));
 }
@@ -1114,7 +1115,7 @@ static void distance_errors(const check_world *w, const scatteri_gl_texture *t, 
             for (i = 0; i < t->width; i++) {
                 const float *texel = values + 4 * ((k * t->height + j) * t->width + i);
                 const double truth = true_room(w, edge, i, j, k, what) / unit;
-                const double miss = (double)texel[1] - fmin(truth, 4096.0);
+                const double miss = (double)texel[1] - truth;
                 assert_true(texel[0] == w->voxels[0][(k * NEAR_Y + j) * NEAR_X + i]);
                 *below = fmax(*below, -miss / fmax(truth, 1.0));
                 *above = fmax(*above, miss / fmax(truth, 1.0));
@@ -1167,7 +1168,7 @@ static float *distance_of_grid(gl_rig *rig, scatter_gl *fog, const check_world *
 /* The map against a search over all voxels: voxels that are cubes, flat, long; 32 bits, whose errors are those of a sum,
    a root and a quotient, and 16 bits, rounded down: 2^-9 below at most. */
 static void test_distance(gl_rig *rig) {
-    static const scatter_box boxes[] = {{{0, 0, 0}, {17, 9, 7}}, {{-1, 2, 0}, {0.7f, 2.2f, 5}}, {{3, 0, 1}, {903, 9, 2}}};
+    static const scatter_box boxes[] = {{{0, 0, 0}, {43, 5, 5}}, {{-1, 2, 0}, {0.7f, 2.2f, 5}}, {{3, 0, 1}, {903, 9, 2}}};
     int half, rarity, i;
     for (half = 0; half < 2; half++) {
         scatter_gl *fog = open_fog(rig, half);
@@ -1192,7 +1193,7 @@ static void test_distance(gl_rig *rig) {
 
 /* Planted: distances to voxels rather than to what they reach, and such as are right at voxels but not between them. */
 static void test_wrong_distance(gl_rig *rig) {
-    const scatter_box box = {{0, 0, 0}, {17, 9, 7}};
+    const scatter_box box = {{0, 0, 0}, {43, 5, 5}};
     const scatter_vec3 edge = {1, 1, 1};
     scatter_gl *fog = open_fog(rig, 0);
     double below, above;
