@@ -1443,6 +1443,40 @@ static void error_in_turn(gl_rig *rig) {
     assert_at_least(fast, 1e-6); /* planted: it is seen */
 }
 
+/* The shadow of voxels on a surface, by rays: as exact as those are (see rays_through_voxels). */
+static void voxels_on_surfaces(gl_rig *rig) {
+    const scatter_quality q = voxel_quality(0);
+    static picture p;
+    const float given[16] = {0};
+    scatter_depth *depth = NULL;
+    scatter_source source;
+    check_world w;
+    stage s;
+    double worst = 0, darkest = 1;
+    int i;
+    open_voxels(&w, NOTHING);
+    open_stage(&s, rig);
+    put_world(&s, &w, NULL, &q, NULL);
+    run_surface(&s,
+                "void main() { color = vec4(scatter_light_transmittance(0, "
+                "vec3(gl_FragCoord.x * 0.1 - 2.0, -0.9, gl_FragCoord.y * 0.1 - 1.5)), 1.0); }",
+                given, &p);
+    source = scatteri_source_of(&w.lights[0]);
+    assert_int_equal(scatter_depth_create(NULL, &depth), SCATTER_OK);
+    assert_int_equal(scatter_depth_update(depth, &w.scene.medium, &source, &q), SCATTER_OK);
+    for (i = 0; i < PIXELS; i++) {
+        const scatter_vec3 x = {((float)(i % WIDTH) + 0.5f) * 0.1f - 2.0f, -0.9f,
+                                ((float)(i / WIDTH) + 0.5f) * 0.1f - 1.5f};
+        const double through = exp(-(double)scatter_depth_at(depth, x));
+        worst = fmax(worst, fabs((double)p.rgba[4 * i + 1] - through));
+        darkest = fmin(darkest, through);
+    }
+    assert_at_most(worst, 4e-3); /* 2.4e-3 is measured */
+    assert_at_most(darkest, 0.5); /* without a shadow the first would be seen */
+    scatter_depth_destroy(depth);
+    close_stage(&s);
+}
+
 /* A transparent thing at given[0].w metres in front of the whole picture. */
 static const char through_froxels[] =
     "void main() { vec2 at = gl_FragCoord.xy / vec2(40.0, 28.0); at.y = 1.0 - at.y;\n"
@@ -1601,6 +1635,7 @@ int main(void) {
         {"lost voxels are seen", lost_voxels_are_seen},
         {"rays through voxels", rays_through_voxels},
         {"light on surfaces", light_on_surfaces},
+        {"voxels on surfaces", voxels_on_surfaces},
         {"surfaces under a sky", surfaces_under_a_sky},
         {"stacks of volumes", stacks_of_volumes},
         {"moving eye", moving_eye},
