@@ -349,7 +349,10 @@ static void gl_skip_volumes_of(report *r, gl_skip *b)
     }
     snprintf(target, sizeof target, "%s: light volumes at 1 %%: >= 50 times as fast as shadow rays",
              b->data->name);
-    report_target(r, best >= 50, target, "%.1f times at %.3g %%", best, 100 * off);
+    if (best > 0)
+        report_target(r, best >= 50, target, "%.1f times at %.3g %%", best, 100 * off);
+    else
+        report_target(r, 0, target, "no setting of the table errs by so little");
     free(t.reference);
     free(t.few);
 }
