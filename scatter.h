@@ -4775,7 +4775,7 @@ static void scatteri_lay_lattice(scatteri_lattice *g, scatter_box box, int n)
     for (i = 0; i < 3; i++) {
         const float side = scatteri_get(size, i);
         g->n[i] = scatteri_clamp_int((int)ceil((double)(0.999f * side / step)) + 1, 2, n);
-        g->step[i] = side / (float)(g->n[i] - 1);
+        g->step[i] = scatteri_max(side / (float)(g->n[i] - 1), 1e-30f);
     }
 }
 

@@ -333,6 +333,7 @@ static void fill_world(input *in, world *w) {
     w->quality.ray = (scatter_ray_method)whole(in, SCATTER_RAY_QUADRATURE, SCATTER_RAY_MARCH);
     w->quality.nodes = whole(in, 1, 6);
     w->quality.grid = whole(in, 2, 9);
+    w->quality.lights_per_update = whole(in, 0, 3);
     fill_medium(in, w);
     w->scene.light_count = amount(in, COUNT(w->lights));
     w->scene.lights = (const scatter_light *)array(in, w->lights);
