@@ -264,7 +264,8 @@ static void gl_skip_table(report *r)
 enum { GL_SKIP_VOLUMES = 5 };
 
 /* Cells along an axis of the volumes, nodes. */
-static const int gl_skip_volumes[GL_SKIP_VOLUMES][2] = {{64, 8}, {64, 16}, {64, 32}, {96, 32}, {128, 32}};
+static const int gl_skip_volumes[GL_SKIP_VOLUMES][2] = {
+    {64, 8}, {64, 16}, {64, 32}, {96, 32}, {128, 32}};
 
 /* Every so many pixels by scatter.h: depth exact in each cell, many nodes. */
 typedef struct gl_skip_truth {
@@ -382,6 +383,7 @@ static float *gl_skip_balls(int n)
 {
     float *v = floats((size_t)n * (size_t)n * (size_t)n);
     uint64_t seed = 5;
+    memset(v, 0, (size_t)n * (size_t)n * (size_t)n * sizeof *v);
     for (int ball = 0; ball < 12; ball++) {
         scatter_vec3 c = random_point(&seed);
         float r = random_between(&seed, 0.05, 0.17);
@@ -479,7 +481,8 @@ static void gl_skip_run(report *r)
                    "changed medium to volumes, and distance maps, that are ready. Errors against "
                    "scatter.h with exact depth and 32 nodes.");
     gl_skip_volumes_table(r);
-    report_text(r, "Distance maps of twelve balls, exact: three passes, each texel looking along "
+    report_text(r, "Distance maps of twelve balls, up to 32 voxels, exact: three passes, each "
+                   "texel looking along "
                    "one axis as far as something nearer may be, beside the linear transform of "
                    "scatter.h.");
     gl_skip_maps_table(r);
