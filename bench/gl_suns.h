@@ -164,7 +164,7 @@ static void gl_suns_truth(gl_suns *g, gl_truth *t)
 static void gl_suns_ours(report *r, gl_suns *g, const gl_truth *t, const char *name, FILE *points)
 {
     static const int ways[5][2] = {
-        {64, 8}, {64, 4}, {32, 4}, {64, 16}, {128, 8}}; /* cells, nodes */
+        {64, 16}, {64, 8}, {32, 16}, {96, 24}, {128, 16}}; /* cells, nodes */
     int count = (int)g->s.file.scene.light_count;
     for (int i = 0; i < by_level(1, 3, 5); i++) {
         setting way = setting_of(SCATTER_DEPTH_POLAR, SCATTER_RAY_QUADRATURE, ways[i][1],
