@@ -551,7 +551,7 @@ static inline int scene_append_sky(scene_reader *r, const scatter_environment *m
     if (!more)
         return 1;
     r->out->skies = (scene_sky *)more;
-    if (scatter_constellation(&host, map, SCATTER_CONSTELLATION_MEDIAN_CUT, count, lights))
+    if (scatter_constellation(&host, map, SCATTER_CONSTELLATION_KMEANS, count, lights))
         return 1;
     for (int i = 0; i < count; i++)
         if (scene_append_light(r, &lights[i]))
