@@ -8,16 +8,17 @@
 #define GLM_SMOOTH "GAUSSIANS FEW_THIN CLOSED EMISSION DIRECTIONAL"
 #define GLM_CELLS "GAUSSIANS FEW_THIN EMISSION TWO_LOBES SPOT DIRECTIONAL CELLS"
 #define GLM_EYE "GAUSSIANS FEW_THIN DIRECTIONAL CELLS EYE"
-#define GLM_POLAR "GAUSSIANS FEW_THIN FIELD BOUNDED DIRECTIONAL POLAR"
+#define GLM_POLAR "GAUSSIANS FEW_THIN FIELD BOUNDED SPOT POLAR"
+#define GLM_PARALLEL "GAUSSIANS FEW_THIN FIELD BOUNDED DIRECTIONAL POLAR"
 #define GLM_FOG "GAUSSIANS FEW_THIN CLOSED FOG BOUNDED SPOT DIRECTIONAL"
 #define GLM_OPEN_FOG "FOG COLORED SPOT DIRECTIONAL"
 #define GLM_MAPS "SHADOW_2D_0 SHADOW_ARRAY_1 SHADOW_CUBE_2"
 #define GLM_SHADOWS "GAUSSIANS FEW_THIN CLOSED SPOT DIRECTIONAL " GLM_MAPS
-#define GLM_MARCH "GAUSSIANS FEW_THIN FIELD FOG SPOT DIRECTIONAL POLAR MARCH"
+#define GLM_MARCH "GAUSSIANS FEW_THIN FIELD FOG SPOT POLAR MARCH"
 #define GLM_THROUGH "GAUSSIANS FEW_THIN CLOSED COLORED ONE_LOBE TRANSMITTANCE"
 #define GLM_SHOW "GAUSSIANS FEW_THIN CLOSED COLORED ONE_LOBE SPOT DIRECTIONAL SHOW"
 #define GLM_ALL \
-    "GAUSSIANS FEW_THIN FIELD FOG BOUNDED COLORED EMISSION TWO_LOBES SPOT DIRECTIONAL POLAR " GLM_MAPS
+    "GAUSSIANS FEW_THIN FIELD FOG BOUNDED COLORED EMISSION TWO_LOBES SPOT DIRECTIONAL CELLS " GLM_MAPS
 
 /* Shaders of the view pass: name, features; planted fault: text of a chapter, what takes its place. */
 #define GLM_SHADERS(S) \
@@ -27,6 +28,7 @@
     S(cells, GLM_CELLS, "", "") \
     S(eye, GLM_EYE, "", "") \
     S(polar, GLM_POLAR, "", "") \
+    S(parallel, GLM_PARALLEL, "", "") \
     S(fog, GLM_FOG, "", "") \
     S(open_fog, GLM_OPEN_FOG, "", "") \
     S(shadows, GLM_SHADOWS, "", "") \
@@ -36,8 +38,9 @@
     S(all, GLM_ALL, "", "") \
     S(bad_gaussian, GLM_CLOSED, "g.w * (t - m)", "g.w * (t + m)") \
     S(bad_cone, GLM_CLOSED, "k * k * ou", "k * ou") \
-    S(bad_cells, GLM_CELLS, "mirrored * off) /", "mirrored * off + 0.5) /") \
+    S(bad_cells, GLM_CELLS, "mirrored * off)", "mirrored * off + 0.5)") \
     S(bad_polar, GLM_POLAR, "- 1.0) + 0.5;", "- 1.0);") \
+    S(bad_parallel, GLM_PARALLEL, "- 1.0) + 0.5;", "- 1.0);") \
     S(bad_fog, GLM_FOG, "(h.y - x.y) / h.z", "(h.y + x.y) / h.z") \
     S(bad_shadow, GLM_SHADOWS, "far * (z - near)", "far * (z + near)")
 
