@@ -89,7 +89,8 @@
 
    Configuration, before including
      SCATTER_IMPLEMENTATION  compile the implementation here
-     SCATTER_STATIC          make all functions static: no exported symbols, several copies may coexist
+     SCATTER_STATIC          make all functions static: no exported symbols, several copies may coexist; with clang
+                             it implies SCATTER_NO_DISPATCH
      SCATTER_NO_DISPATCH     do not compile hot loops for several instruction sets (see "configuration")
 */
 #ifndef SCATTER_H
@@ -527,8 +528,8 @@ template <class V> inline scatter_vec3 scatter_v3(const V &v)
 #define SCATTERI_SANITIZED
 #endif
 #endif
-#if defined(__clang__)
-#if __clang_major__ >= 14
+#if defined(__clang__) /* it gives what chooses among the copies of a static function a name that all units share */
+#if __clang_major__ >= 14 && !defined(SCATTER_STATIC)
 #define SCATTERI_CAN_DISPATCH
 #endif
 #elif defined(__GNUC__)

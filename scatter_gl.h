@@ -4649,7 +4649,7 @@ static scatteri_gl_features scatteri_gl_batch_features(scatter_gl *f, int batch)
     return features;
 }
 
-/* Whether a batch can be drawn together with others. */
+/* Whether a batch can be drawn together with others. Rays to many lights are turns of a loop that llvmpipe ends early. */
 static int scatteri_gl_is_plain(scatter_gl *f, int batch)
 {
     int channel, shadows = 0;
@@ -4657,7 +4657,7 @@ static int scatteri_gl_is_plain(scatter_gl *f, int batch)
         const scatteri_gl_lamp *lamp = scatteri_gl_source_in(f, batch, channel);
         shadows |= lamp != NULL && lamp->desc.shadow.kind != SCATTER_GL_SHADOW_NONE;
     }
-    return !f->has_eye && !shadows;
+    return !f->has_eye && !shadows && !scatteri_gl_casts_rays(f);
 }
 
 /* Batches from `first` on that are drawn at once: what a ray meets is looked for once then. Their volumes are in one

@@ -19,11 +19,18 @@ write_units() {
 #include <$header>
 #include <string.h>
 static int is_wrong(void) {
-    scatter_medium fog;
+    scatter_scene scene;
+    scatter_context *context;
+    scatter_ray ray = {{0, 0, 0}, {1, 0, 0}};
+    scatter_sample sample;
     float depth;
-    memset(&fog, 0, sizeof fog);
-    fog.constant = 2.0f; /* along three metres */
-    depth = scatter_optical_depth(&fog, scatter_v3(1, 0, 0), scatter_v3(1, 3, 0));
+    memset(&scene, 0, sizeof scene);
+    scene.medium.constant = 2.0f; /* along three metres */
+    depth = scatter_optical_depth(&scene.medium, scatter_v3(1, 0, 0), scatter_v3(1, 3, 0));
+    if (scatter_create(NULL, &context) || scatter_update(context, &scene, NULL) ||
+        scatter_radiance(context, &ray, NULL, &sample)) /* with all that renders */
+        return 1;
+    scatter_destroy(context);
     return !(depth > 5.999f && depth < 6.001f);
 }
 END
