@@ -6594,7 +6594,7 @@ static void scatteri_evaluate_panel(scatteri_eye *eye, int p, const scatteri_rul
         scatteri_fill_nodes(eye);
         if (!scatteri_matters(&eye->nodes, c->medium.sigma_least))
             continue;
-        if (!c->quality.no_mask)
+        if (!c->quality.no_mask && eye->samples > 0) /* only voxels leave nodes empty */
             scatteri_drop_empty(&eye->nodes);
         span = scatteri_span_of(eye);
         if (pass->emission)
